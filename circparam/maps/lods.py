@@ -151,11 +151,11 @@ def _source_charts(document: Document, mesh: Mesh, uvmap: UVMap) -> SourceCharts
 def _placed(
     charts: SourceCharts, document: Document, uvmap: UVMap, job: Job
 ) -> tuple[SourceCharts, float, list[str]]:
-    """(the charts of the first mesh as a target lies, the largest distance of both surfaces, in diagonals of
-    the first, a note where the charts were turned).
+    """The charts of the first mesh as a target lies, and a note where they were turned.
 
-    A glTF made of a file with z up has y up, and its other levels may still be files with z up. Raises
-    NoResultError if the distance is large, or if the fronts of the target face the other way.
+    Returns (charts, largest distance of both surfaces in diagonals of the first, notes). A glTF made of a file
+    with z up has y up, and its other levels may still be files with z up. Raises NoResultError if the distance
+    is large, or if the fronts of the target face the other way.
     """
     target, name, notes = job.surface, job.document.source.name, list[str]()
     far, place = _distance(charts, target)

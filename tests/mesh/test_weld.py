@@ -64,6 +64,13 @@ def test_a_needle_is_degenerate_from_whichever_corner(corners):
         assert degenerate_faces(needle, np.array([corners])).tolist() == [none]
 
 
+def test_a_face_far_smaller_than_others_is_degenerate():
+    for size, none in ((1e-49, False), (1e-51, True)):
+        points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [size, 0, 0], [0, size, 0]])
+        faces = np.array([[0, 1, 2], [0, 3, 4]])
+        assert degenerate_faces(points, faces).tolist() == [False, none]
+
+
 def test_all_faces_degenerate_is_an_input_error():
     with pytest.raises(InputError, match="degenerate"):
         repair(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))
