@@ -124,3 +124,14 @@ def test_winding_numbers_inside_outside_and_in_holes():
     twice = loops(np.concatenate([box(0, 0, 9, 9), box(-1, -1, 12, 12)]))
     assert windings(twice, points[:1], first[:1]).tolist() == [2]
     assert len(windings(boundary, points[:0], first[:0])) == 0
+
+
+def test_many_points_are_followed_in_blocks():
+    """They are cut into blocks, which bounds the memory, and each point keeps its own number."""
+    p = np.random.default_rng(0).uniform(-1, 5, (450_001, 2))
+    chart = np.arange(len(p)) % 2
+    x, y = p.T
+    inside = np.where(
+        chart == 0, (x > 0) & (x < 3) & (y > 0) & (y < 3), (x > 2) & (x < 4) & (y > 2) & (y < 4)
+    )
+    assert (windings(loops(box(0, 0, 3, 3), box(2, 2, 2, 2)), p, chart) == inside).all()
