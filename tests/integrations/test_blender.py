@@ -18,11 +18,12 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 
 from circparam._version import __version__
-from circparam.cli import common
+from circparam.cli import cli, common
 from circparam.integrations.blender import ADDON_FOLDER, addon_zip
 from tests.cli.test_group import command_of
 from tests.support.command_line import one_line_error, run
@@ -97,7 +98,9 @@ def test_what_the_dialog_asks_for_is_what_unwrap_gets(changed, given, monkeypatc
     job = importlib.import_module(f"{package.__name__}.job")
     kinds = ("packing", "room", "sorting", "straight", "density", "charts")
     words = job.words_of(SimpleNamespace(**PLAIN | changed), *kinds)
-    read = command_of("unwrap").make_context("unwrap", ["m.obj", *words]).params
+    # a command keeps the help option of its first context
+    group = click.Context(cli, **cli.context_settings)
+    read = command_of("unwrap").make_context("unwrap", ["m.obj", *words], parent=group).params
     assert common.library_keywords(read) == {**USUAL, **given}
 
 
