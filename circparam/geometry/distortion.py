@@ -242,7 +242,7 @@ class _Best(NamedTuple):
 
 
 def _best(cut_mesh: CutMesh, uv: FloatArray) -> _Best:
-    """The energy of a chart at scale k is P k² + N / k², least at k = (N/P)^¼, where it is 2 √(P N)."""
+    """The energy of a chart at scale k is P k² + N / k². It is least at k = (N/P)^¼, where it is 2 √(P N)."""
     live, large, small, surface = _singular(cut_mesh, uv)
     group, n = cut_mesh.chart[live], cut_mesh.n_charts
     squares, inverses = _squares(np.maximum(large, LEAST_SIGMA), np.maximum(small, LEAST_SIGMA))
