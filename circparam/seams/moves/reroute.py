@@ -185,16 +185,17 @@ def propose(
         stop[chains.vertex[chains.position % pieces[0] == pieces[1]]] = True
         chains = chains_of(a[move], b[move], n, stop)
     owner, value = bands(atlas.ends, n, chains, stop, rings)
+    of_vertex = np.full(n, -1)
+    of_vertex[chains.vertex] = chains.chain
+    old[move] = np.maximum(of_vertex[a[move]], of_vertex[b[move]])
+    # a chain of one edge between two junctions has no vertex of its own and cannot get shorter; a path along
+    # that edge would undo a ring of three round a neck
+    kept = kept.copy()
+    kept[move[old[move] < 0]] = True
     cost = edge_costs(atlas)
     usable = np.flatnonzero(np.isfinite(cost) & ~kept)
     where = Bands((a[usable], b[usable]), cost[usable], owner, value)
     routes = route(where, chains.start, chains.end, chains.size)
-    of_vertex = np.full(n, -1)
-    of_vertex[chains.vertex] = chains.chain
-    old[move] = np.maximum(of_vertex[a[move]], of_vertex[b[move]])
-    # a chain of one edge between two junctions has no vertex of its own and cannot get shorter
-    kept = kept.copy()
-    kept[move[old[move] < 0]] = True
     new[usable[routes.edges]] = routes.chain
     failed = np.isin(old, routes.failed) & (old >= 0)
     new[failed] = old[failed]

@@ -4,6 +4,7 @@ import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
+    first_of_groups,
     first_of_runs,
     mask_of,
     positions_in,
@@ -170,8 +171,10 @@ def route(
             (a[touch], joint, edge[touch], w[touch]),
             (joint, a[touch], edge[touch], w[touch]),
         ]
-    # edges that join the two ends of a chain at once
+    # edges that join the two ends of a chain at once, each for one chain
     step, chain = _direct(a, b, start, end)
+    alone = first_of_groups(edge[step])
+    step, chain = step[alone], chain[alone]
     parts.append((n + chain, n + k + chain, edge[step], w[step]))
     r, c, i, x = (np.concatenate(column) for column in zip(*parts, strict=True))
     total = n + 2 * k

@@ -66,6 +66,15 @@ def test_pinned_seams_stay_and_paths_keep_off_them() -> None:
     assert np.array_equal(moved(other, 2, on_line(other) & ~other.cut), on_line(other))
 
 
+@pytest.mark.parametrize("around", [3, 4, 5])
+def test_a_ring_round_a_neck_stays_a_ring(around: int) -> None:
+    """One of three edges becomes chains of two edges and of one between the same ends."""
+    surface = surface_of(*shapes.tube(3.0, around, closed=False))
+    atlas = cut_between(surface, (middles(surface)[:, 2] > 1).astype(np.int64))
+    atlas.cut = moved(atlas, rings=3)
+    assert atlas.charts()[0] == 2
+
+
 def test_locked_edges_are_never_cut() -> None:
     """The straight way is locked in its middle."""
     atlas = jagged()
