@@ -1,6 +1,5 @@
 """From charts that are decided to an atlas: relaxed on the surface, held to the bound, merged once more."""
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +22,6 @@ from circparam.solvers.newton import RelaxOptions
 REGROUP_FACES = 20_000  # larger unions than that are not tried on the fine mesh
 REGROUPINGS = 3  # rounds of merging on the fine mesh after charts were split there
 LEVEL_FACES = 150_000  # larger surfaces get their charts on a smaller one first, a level
-# of the excess of the bound, where charts of a draft stop: weights against stretch add a fiftieth of it, and no
-# layout above the bound is kept (1,004 charts in place of 305 of a rough scan of 1.2 million faces)
-ROOM_SHARE = 0.95
 
 
 class Decided(NamedTuple):
@@ -68,13 +64,9 @@ def settle_part(
     atlas: Atlas, bound: float, options: RelaxOptions, monitor: Monitor
 ) -> tuple[BoolArray, FloatArray]:
     """Relax charts, and hold them to a bound; (cut, corners), all that a process has to send back."""
-    aim, steps = bound, FINAL
-    if options.local is not None:  # what a level has decided need not be relaxed to the end
-        aim = bound if options.bound is None else 1 + ROOM_SHARE * (bound - 1)
-        steps = dataclasses.replace(FINAL, bound=aim)
     with monitor.stage("relax"):
-        layouts = relaxed_layouts(atlas, options, bound, aim, monitor)
-    enforce(atlas, layouts, bound, steps, monitor)
+        layouts = relaxed_layouts(atlas, options, bound, monitor)
+    enforce(atlas, layouts, bound, options, monitor)
     return atlas.cut, atlas.corners
 
 

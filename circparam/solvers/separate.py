@@ -148,7 +148,7 @@ def push_apart(
     """
     work, u, scale = in_units_of_faces(cut_mesh, uv)
     # charts above the bound are not worth a round, nor charts that are hardly more than their boundary
-    limit = 1 + AFFORDED_RATIO * (bound - 1)
+    limit, pull = 1 + AFFORDED_RATIO * (bound - 1), PULL_MARGINS * margin or LEAST_PULL
     around = group_sum(cut_mesh.loops.length, cut_mesh.loops.chart, cut_mesh.n_charts)
     todo = around * margin < ALL_BOUNDARY * np.sqrt(cut_mesh.chart_areas)
     charts, vertices = np.arange(len(todo)), np.arange(len(u))  # those still worked on
@@ -167,7 +167,7 @@ def push_apart(
         todo &= energy <= limit
         boundary = boundary_in(work, u)
         i, _, crowded = meeting(boundary, between=False)
-        near = nearby(boundary, PULL_MARGINS * margin * boundary.size, todo, chamfers)
+        near = nearby(boundary, pull * boundary.size, todo, chamfers)
         close = segment_distance(*(x[k] for k in near for x in (boundary.start, boundary.end)))
         tight = near[0][close < margin * boundary.size[boundary.chart[near[0]]]]
         free = todo & (energy <= bound)
@@ -181,7 +181,7 @@ def push_apart(
             todo &= conflicts[-1] < HEADWAY_RATIO * conflicts[turn - PUSH_PATIENCE]
         if turn == PUSH_ROUNDS or not todo.any() or (monitor is not None and monitor.expired):
             break
-        springs, lost = _find(boundary, work.faces.ravel(), near, margin, weight, todo)
+        springs, lost = _find(boundary, work.faces.ravel(), near, pull, weight, todo)
         todo &= ~lost
         if not todo.any():
             break
@@ -241,14 +241,15 @@ def _find(
     boundary: BoundarySegments,
     flat: IntArray,
     near: tuple[IntArray, IntArray],
-    margin: float,
+    pull: float,
     weight: FloatArray,
     todo: BoolArray,
 ) -> tuple[_Springs, BoolArray]:
     """Springs for vertices that lie beyond a part of the boundary that faces them, or too near to it.
 
-    near: pairs of segments. Returns the springs, the nearest of each vertex, and the charts ((n,) bool) with a
-    vertex so deep in another part that no segment within reach faces it.
+    near: pairs of segments. pull: share of the root of a chart's area, rest length of its springs. Returns the
+    springs, the nearest of each vertex, and the charts ((n,) bool) with a vertex so deep in another part that
+    no segment is within reach.
     """
     # a vertex is named by the segment that begins there
     live = np.flatnonzero(todo[boundary.chart])
@@ -269,11 +270,12 @@ def _find(
     distance = np.linalg.norm(offset - t[:, None] * along[b], axis=1)
     side = (offset * normal[b]).sum(1)
     size = boundary.size[boundary.chart[b]]
-    target = (PULL_MARGINS * margin or LEAST_PULL) * size
-    keep = (normal[b] * out[a]).sum(1) < FACING_COSINE
-    keep &= np.where(over[a], (side < 0) & (distance < DEEPEST_SHARE * size), side >= 0)
+    facing = (normal[b] * out[a]).sum(1) < FACING_COSINE
+    deep = (side < 0) & (distance < DEEPEST_SHARE * size)
+    keep = np.where(over[a], deep, (side >= 0) & facing)
     k = np.flatnonzero(keep)
-    k = k[first_of_groups(a[k], distance[k], b[k])]
+    # a vertex at a notch may lie beyond sides that all face elsewhere
+    k = k[first_of_groups(a[k], ~facing[k], distance[k], b[k])]
     lost = mask_of(len(todo), boundary.chart[np.setdiff1d(beyond, a[k])])
     if lost.any():
         k = k[~lost[boundary.chart[a[k]]]]
@@ -282,7 +284,7 @@ def _find(
     tail = boundary.half_edge[b[k]]
     chart = boundary.chart[b[k]]
     ends = flat[np.stack([boundary.half_edge[a[k]], tail, next_half_edge(tail)])]
-    return _Springs(ends, t[k], away, target[k], weight[chart], chart), lost
+    return _Springs(ends, t[k], away, pull * size[k], weight[chart], chart), lost
 
 
 def _within_reach(boundary: BoundarySegments, vertex: IntArray) -> tuple[IntArray, IntArray]:

@@ -22,8 +22,6 @@ from circparam.solvers.separate import push_apart
 from circparam.solvers.tutte.embed import tutte_embedding
 from circparam.solvers.untangle import FEW_FLIPS_RINGS, untangle
 
-GAP = 0.0005  # share of the root of a chart's area by which parts that touched are pushed apart
-
 
 @dataclass(frozen=True, eq=False)
 class ChartLayouts:
@@ -114,11 +112,12 @@ def lay_out_sound(
 
 
 def pushed_apart(
-    cut_mesh: CutMesh, uv: FloatArray, margin: float, bound: float, monitor: Monitor
+    cut_mesh: CutMesh, uv: FloatArray, bound: float, monitor: Monitor
 ) -> tuple[FloatArray, BoolArray]:
-    """As ``push_apart``; many faces in parts, by all processes."""
+    """As ``push_apart`` without a margin: of a rough chart some parts come nearer than any. Many faces in
+    parts, by all processes."""
     parts = chart_parts(cut_mesh)
-    tasks = [(part, uv[vid], margin, bound) for _, part, vid, _ in parts]
+    tasks = [(part, uv[vid], 0.0, bound) for _, part, vid, _ in parts]
     done = in_processes(push_apart, tasks, monitor)
     out, fine = np.zeros_like(uv), np.zeros(cut_mesh.n_charts, bool)
     for (which, _, vid, _), (moved, good) in zip(parts, done, strict=True):
@@ -151,7 +150,7 @@ def lay_out_part(
         part, report = untangle(sub, uv[vid], monitor=monitor, near=near)
         uv[vid] = part
         left = report.after > 0
-        if left.any():
+        if left.any() and not near:
             rest, inner, _ = sub.subset(left)
             uv[vid[inner]] = tutte_embedding(rest, "mean-value")[0]
     # whole steps of systems that are factored take no longer

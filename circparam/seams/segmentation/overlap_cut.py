@@ -1,17 +1,27 @@
-"""Split charts that overlap themselves: a shortest cut between the two layers that lie on each other."""
+"""Split charts that overlap themselves: shortest cuts between layers that lie on each other, or are flipped."""
 
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import SLICE_ROWS, cross2, first_of_groups, group_max, group_sum
+from circparam.core.arrays import (
+    SLICE_ROWS,
+    cross2,
+    first_of_groups,
+    group_max,
+    group_sum,
+    mask_of,
+    positions_in,
+    sorted_distinct,
+)
 from circparam.core.compiled import breadth_first_order, maximum_flow
-from circparam.core.graph import components, distances, matching, nearest, undirected
+from circparam.core.graph import components, matching, nearest, undirected
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import boundary_in
-from circparam.geometry.intersect import windings
+from circparam.geometry.intersect import meeting, windings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.layout import ChartLayouts
+from circparam.solvers.untangle import flipped
 
 SHARE = 0.5  # of the way to the far end of a doubled part that comes back on itself
 NEAR = 4.0  # times the root of a part's area: how far from it its cut may run
@@ -27,7 +37,7 @@ def split_layers(
     which: BoolArray,
     cost: FloatArray,
 ) -> BoolArray:
-    """Cut charts along the cheapest seam between their largest doubled part and what lies on it.
+    """Cut charts along the cheapest seams round their flipped parts, or between parts that lie on each other.
 
     which: (n,) bool charts. cost: (e,) of every edge. Returns (n,) bool, the charts that were cut: the others
     have no two parts that lie on each other without touching.
@@ -35,36 +45,41 @@ def split_layers(
     done = np.zeros(len(which), bool)
     if not which.any():
         return done
-    chart = layouts.cut_mesh.chart
-    left = atlas.surface.sides[0]
+    chart, left = layouts.cut_mesh.chart, atlas.surface.sides[0]
     inner = ~atlas.cut & which[chart[left]]
-    faces = np.flatnonzero(which[chart])
-    point, twice = _doubled(layouts, faces)
-    pairs = _sides(graph, inner, layouts, faces[twice], point[twice])
-    if not pairs:
+    upright = np.isfinite(layouts.energy)
+    part, sink = _layers(graph, inner, layouts, which & upright)
+    wrong = mask_of(graph.n, graph.cell[_flipped(layouts, which & ~upright)])
+    use = inner & wrong[graph.tail] & wrong[graph.head]
+    _, apart = components(graph.n, graph.tail[use], graph.head[use])
+    part = _widened(graph, inner, np.where(wrong, 1 + part.max() + apart, part), sink)
+    source = np.flatnonzero(part >= 0)
+    if len(source) == 0:
         return done
+    # what lies far from a part stays with the rest
+    area = group_sum(layouts.cut_mesh.areas, graph.cell, graph.n)[source]
+    reach = NEAR * np.sqrt(group_sum(area, part[source], 1 + int(part.max())))
     links = undirected(graph.n, graph.tail[inner], graph.head[inner], graph.step[inner])
-    area = group_sum(layouts.cut_mesh.areas, graph.cell, graph.n)
-    off = np.zeros(graph.n, bool)  # cells that were cut off
-    for source, sink in pairs:
-        if off[source].any() or off[sink].any():
-            continue
-        # what lies far from the smaller part stays with the larger one
-        reach = NEAR * np.sqrt(area[source].sum())
-        close = np.isfinite(distances(links, source, reach))
-        close &= ~off
-        close[sink] = False
-        side = minimum_cut(graph, inner, cost, source, close)
-        off |= side
-        new = inner & (side[graph.tail] != side[graph.head])
-        atlas.cut |= new
-        done[chart[left[new]]] = True
+    distance, _, owner = nearest(links, source, float(reach.max()))
+    near = (owner >= 0) & (distance <= reach[part[np.maximum(owner, 0)]]) & ~sink
+    side = minimum_cut(graph, inner, cost, source, near)
+    new = inner & (side[graph.tail] != side[graph.head])
+    atlas.cut |= new
+    done[chart[left[new]]] = True
     return done
 
 
-def _doubled(layouts: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolArray]:
-    """((k, 2) a point of each face, (k,) bool: its chart covers that point more than once)."""
+def _flipped(layouts: ChartLayouts, which: BoolArray) -> IntArray:
+    """Flipped faces of charts ((n,) bool)."""
     p = layouts.cut_mesh
+    faces = np.flatnonzero(which[p.chart])
+    return faces[flipped(p.faces[faces], layouts.uv)]
+
+
+def _doubled(layouts: ChartLayouts, which: BoolArray) -> tuple[IntArray, FloatArray]:
+    """(faces (k,) of charts ((n,) bool), a point (k, 2) of each that its chart covers more than once)."""
+    p = layouts.cut_mesh
+    faces = np.flatnonzero(which[p.chart])
     boundary = boundary_in(p, layouts.uv)
     corners = layouts.uv[p.faces[faces]]
     middle = corners.mean(1)
@@ -74,66 +89,78 @@ def _doubled(layouts: ChartLayouts, faces: IntArray) -> tuple[FloatArray, BoolAr
     layers = windings(boundary, points.reshape(-1, 2), np.repeat(p.chart[faces], 4)).reshape(-1, 4)
     best = layers.argmax(1)
     rows = np.arange(len(faces))
-    return points[rows, best], layers[rows, best] > 1
+    twice = layers[rows, best] > 1
+    return faces[twice], points[rows, best][twice]
 
 
-def _sides(
-    graph: DualGraph, inner: BoolArray, layouts: ChartLayouts, faces: IntArray, point: FloatArray
-) -> list[tuple[IntArray, IntArray]]:
-    """Cells of doubled parts of charts, and cells of what lies on them: disjoint pairs.
+def _layers(
+    graph: DualGraph, inner: BoolArray, layouts: ChartLayouts, which: BoolArray
+) -> tuple[IntArray, BoolArray]:
+    """((cells,) number of the doubled part of a chart that each is in, −1 for none; (cells,) bool: it is in
+    what lies on such a part).
 
-    inner: (e,) bool edges inside charts. faces, point: doubled faces and a doubled point of each. Where both
-    are one part (a sheet that comes back on itself), those near either end of it.
+    inner: (e,) bool edges inside charts. which: (n,) bool charts. Of two parts that lie on each other the
+    smaller is numbered. Where both are one (a sheet that comes back on itself), they are near its ends.
     """
-    p = layouts.cut_mesh
+    p, none = layouts.cut_mesh, (np.full(graph.n, -1), np.zeros(graph.n, bool))
+    doubled, point = _doubled(layouts, which)
+    crossing = _crossings(layouts, which)
+    faces = np.r_[doubled, np.setdiff1d(crossing, doubled)]
     if len(faces) == 0:
-        return []
-    inside = np.zeros(graph.n, bool)
-    inside[graph.cell[faces]] = True
+        return none
+    inside = mask_of(graph.n, graph.cell[faces])
     use = inner & inside[graph.tail] & inside[graph.head]
     _, part = components(graph.n, graph.tail[use], graph.head[use])
     _, sheet = np.unique(part[graph.cell[faces]], return_inverse=True)
     sheet = sheet.reshape(-1)
     area = group_sum(p.areas[faces], sheet, int(sheet.max()) + 1)
-    probe, cover = _covers(p.chart[faces], sheet, p.areas[faces], layouts.uv[p.faces[faces]], point)
-    # disjoint pairs of parts, the largest first; of each the smaller part is cut off
+    probe, cover = _covers(layouts, doubled, sheet[: len(doubled)], point)
+    place = positions_in(len(p.faces), faces)[crossing]
+    probe, cover = np.r_[probe, place[:, 0]], np.r_[cover, place[:, 1]]
+    # disjoint pairs of parts, the largest first
     pick = matching(
         np.minimum(area[sheet[probe]], area[sheet[cover]]), sheet[probe], sheet[cover], len(area)
     )
     probe, cover = probe[pick], cover[pick]
     swap = area[sheet[probe]] > area[sheet[cover]]
     probe, cover = np.where(swap, cover, probe), np.where(swap, probe, cover)
-    ends = graph.cell[faces[np.r_[probe, cover]]]
-    distinct = ends[: len(probe)] != ends[len(probe) :]
-    probe, cover = probe[distinct], cover[distinct]
-    order = np.lexsort((-area[sheet[probe]], p.chart[faces[probe]]))
-    probe, cover = probe[order], cover[order]
-    if len(probe) == 0:
-        return []
     first, second = graph.cell[faces[probe]], graph.cell[faces[cover]]
+    distinct = first != second
+    first, second, probe, cover = (x[distinct] for x in (first, second, probe, cover))
+    if len(first) == 0:
+        return none
     links = undirected(graph.n, graph.tail[use], graph.head[use], graph.step[use])
-    distance, _, owner = nearest(links, np.unique(np.r_[first, second]))
+    distance, _, owner = nearest(links, sorted_distinct(np.r_[first, second]))
     same = sheet[probe] == sheet[cover]
     reach = np.full(graph.n, np.inf)
     found = owner >= 0
     span = group_max(distance[found], owner[found], graph.n)
     half = SHARE * np.maximum(span[first[same]], span[second[same]])
     reach[first[same]] = reach[second[same]] = half
-    near = found & (distance <= reach[np.where(found, owner, 0)])
-    pairs = []
-    for a, b in zip(first.tolist(), second.tolist(), strict=True):
-        sink = np.flatnonzero(near & (owner == b))
-        pairs.append((_widened(graph, inner, np.flatnonzero(near & (owner == a)), sink), sink))
-    return pairs
+    owner = np.where(found & (distance <= reach[np.maximum(owner, 0)]), owner, -1)
+    sink = (owner >= 0) & mask_of(graph.n, second)[owner]
+    number = np.r_[positions_in(graph.n, first), -1][owner]
+    return np.where(sink, -1, number), sink
+
+
+def _crossings(layouts: ChartLayouts, which: BoolArray) -> IntArray:
+    """(k, 2) faces of charts ((n,) bool) whose sides cross: they may share too little for a point of either."""
+    boundary = boundary_in(layouts.cut_mesh, layouts.uv)
+    i, j, _ = meeting(boundary, between=False, among=which)
+    found: IntArray = np.stack([boundary.half_edge[i], boundary.half_edge[j]], 1) // 3
+    return found[found[:, 0] != found[:, 1]]
 
 
 def _covers(
-    chart: IntArray, sheet: IntArray, area: FloatArray, corners: FloatArray, point: FloatArray
+    layouts: ChartLayouts, faces: IntArray, sheet: IntArray, point: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """The largest face of every part, and the largest other face of its chart that covers its doubled point.
 
-    All arrays are over the doubled faces; parts whose point no other doubled face covers are left out.
+    faces, sheet, point: (k,) doubled faces, their part, a doubled point of each. Returns places in these; parts
+    whose point no other doubled face covers are left out.
     """
+    p = layouts.cut_mesh
+    chart, area, corners = p.chart[faces], p.areas[faces], layouts.uv[p.faces[faces]]
     probe = first_of_groups(sheet, -area)
     low, high = corners.min(1), corners.max(1)
     pairs = []
@@ -151,15 +178,19 @@ def _covers(
     return row[best], f[best]
 
 
-def _widened(graph: DualGraph, inner: BoolArray, cells: IntArray, apart: IntArray) -> IntArray:
-    """The cells and their neighbours, but for those ``apart`` and theirs: what overlaps by a corner goes."""
-    out, far = np.zeros(graph.n, bool), np.zeros(graph.n, bool)
-    out[cells], far[apart] = True, True
+def _widened(graph: DualGraph, inner: BoolArray, part: IntArray, sink: BoolArray) -> IntArray:
+    """Parts ((cells,), −1 for none) with their neighbours, but for sinks and theirs.
+
+    So what overlaps by a corner goes, and no needle is left alone, whose width might be lost in the file.
+    """
+    out = part.copy()
     a, b = graph.tail[inner], graph.head[inner]
-    ring, close = out.copy(), far.copy()
-    ring[a[out[b]]] = ring[b[out[a]]] = True
-    close[a[far[b]]] = close[b[far[a]]] = True
-    return np.flatnonzero(out | (ring & ~close))
+    close = sink.copy()
+    close[a[sink[b]]] = close[b[sink[a]]] = True
+    for one, other in ((a, b), (b, a)):
+        grows = (part[other] >= 0) & (part[one] < 0) & ~close[one]
+        out[one[grows]] = part[other[grows]]
+    return out
 
 
 def minimum_cut(

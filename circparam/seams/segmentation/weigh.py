@@ -14,7 +14,7 @@ from circparam.geometry.distortion import face_stretch, stretch_and_distortion
 from circparam.geometry.overlap import self_overlapping
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.seams.accuracy import AIMED, FINAL
-from circparam.seams.segmentation.layout import GAP, chart_parts, pushed_apart
+from circparam.seams.segmentation.layout import chart_parts, pushed_apart
 from circparam.solvers.newton import relax
 from circparam.solvers.region import cut_out
 
@@ -147,7 +147,7 @@ def _pushed_apart(
         return best
     sub, vid, _ = cut_mesh.subset(coiled)
     at = folded.uv.copy()
-    at[vid], apart = pushed_apart(sub, at[vid], GAP, limits.bound, monitor)
+    at[vid], apart = pushed_apart(sub, at[vid], limits.bound, monitor)
     over = share_over(cut_mesh, face_stretch(cut_mesh, at), limits.most)
     coiled[coiled] = apart
     return best.taken(cut_mesh, at, over, coiled & (over < best.over))
