@@ -2,8 +2,8 @@
 
 Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
 much, the others, of which there are a hundred times as many, give way by little. Where that is not enough,
-charts are split. A draft cuts the tips off before, and splits what is left. Where a user asked for the
-stretch, tips are cut off too if nothing else helps.
+charts are split. A draft cuts the tips off instead. Where a user asked for the stretch, charts are split and
+tips are cut off as far as either helps.
 """
 
 import numpy as np
@@ -47,9 +47,10 @@ def limit_stretch(atlas: Atlas, limits: Limits, monitor: Monitor, seams: bool = 
     atlas.scatter(cut_mesh, _weighed(cut_mesh, uv, limits, monitor))
     if seams and limits.cuts_off:
         _cut_off(atlas, limits, monitor)
+    splits = seams and (limits.asked or not limits.cuts_off)
     last = np.inf  # share that is stretched too much where tips were cut off
     # as many rounds in which tips are cut off as of splits
-    for _ in range(2 * ROUNDS if seams else 0):
+    for _ in range(2 * ROUNDS if splits else 0):
         cut_mesh, uv = atlas.open()
         over = share_over(cut_mesh, face_stretch(cut_mesh, uv), limits.most)
         if over.sum() <= limits.enough or monitor.expired:
