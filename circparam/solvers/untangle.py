@@ -26,11 +26,7 @@ from circparam.solvers.region import WHOLE, Region, grow, moving_region
 # varies much, as conformal ones do, is kept best by a narrow one.
 USUAL_RINGS = (8, 3, 20, WHOLE)
 CONFORMAL_RINGS = (2, 5, 12, 30, WHOLE)
-FEW_FLIPS_RINGS = (
-    3,
-    8,
-    20,
-)  # if only a few faces are wrong: a whole chart would not be so for these
+FEW_FLIPS_RINGS = (3, 8, 20)  # if only a few faces are wrong; what stays flipped is cut off
 # times the faces of the region tried before, up to which a region is the same one
 HARDLY_RATIO = 1.05
 POLISH_STEPS = 10  # Newton steps on untangled charts, for their shape
