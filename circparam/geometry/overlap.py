@@ -142,10 +142,13 @@ def self_overlapping(cut_mesh: CutMesh, uv: FloatArray) -> BoolArray:
     return overlaps(cut_mesh, uv).self_overlapping
 
 
-def crossings(uv: FloatArray, cut_mesh: CutMesh) -> IntArray:
-    """(p, 2) pairs of boundary half-edges of one chart that meet, in ascending order. uv: (n_vertices, 2)."""
+def crossings(uv: FloatArray, cut_mesh: CutMesh, among: BoolArray | None = None) -> IntArray:
+    """(p, 2) pairs of boundary half-edges of one chart that meet, in ascending order.
+
+    uv: (n_vertices, 2). among: (n,) charts that are looked at, None for all.
+    """
     boundary = boundary_in(cut_mesh, uv)
-    i, j, _ = meeting(boundary, between=False)
+    i, j, _ = meeting(boundary, between=False, among=among)
     return distinct_pairs(boundary.half_edge[i], boundary.half_edge[j], 3 * len(cut_mesh.faces))
 
 

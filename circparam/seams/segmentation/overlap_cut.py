@@ -17,7 +17,8 @@ from circparam.core.compiled import breadth_first_order, maximum_flow
 from circparam.core.graph import components, matching, nearest, undirected
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.geometry.boundary import boundary_in
-from circparam.geometry.intersect import meeting, windings
+from circparam.geometry.intersect import windings
+from circparam.geometry.overlap import crossings
 from circparam.mesh.atlas import Atlas
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.layout import ChartLayouts
@@ -145,9 +146,7 @@ def _layers(
 
 def _crossings(layouts: ChartLayouts, which: BoolArray) -> IntArray:
     """(k, 2) faces of charts ((n,) bool) whose sides cross: they may share too little for a point of either."""
-    boundary = boundary_in(layouts.cut_mesh, layouts.uv)
-    i, j, _ = meeting(boundary, between=False, among=which)
-    found: IntArray = np.stack([boundary.half_edge[i], boundary.half_edge[j]], 1) // 3
+    found = crossings(layouts.uv, layouts.cut_mesh, which) // 3
     return found[found[:, 0] != found[:, 1]]
 
 
