@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from circparam.solvers.newton import RelaxOptions
 
 # candidates, of which most are refused: their order does not change below a thousandth of the energy
@@ -15,4 +17,6 @@ LOCAL = 8  # iterations of a step where only what is near a few faces moves
 # for, since what is aimed at is missed by a little. Trials end there: fewer steps, and shorter seams, 0.978
 # [0.953, 0.998] of the cost on 41 meshes
 AIMED = 0.8
+# distortion that every chart without flips keeps to; sums and products of it stay finite
+ANY_BOUND = float(np.sqrt(np.finfo(float).max))
 UNROLLED = 1 + 1e-6  # energy at which charts of hard surfaces count as unrolled

@@ -8,12 +8,11 @@ from circparam.core.monitor import Monitor
 from circparam.core.types import BoolArray, FloatArray
 from circparam.core.workers import in_parts, in_processes
 from circparam.mesh.atlas import Atlas
-from circparam.seams.accuracy import FINAL
+from circparam.seams.accuracy import ANY_BOUND, FINAL
 from circparam.seams.cut_graph import cut_handles, genus_of
 from circparam.seams.evaluate import MARGIN
 from circparam.seams.moves.glue import MergeOptions, merge
 from circparam.seams.options import SeamOptions
-from circparam.seams.segmentation.decide import ANY_BOUND
 from circparam.seams.segmentation.enforce import enforce, relaxed_layouts
 from circparam.seams.segmentation.grow import DualGraph, make_disks
 from circparam.seams.segmentation.small import absorb

@@ -12,7 +12,7 @@ from circparam.core.workers import in_processes
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import not_disks
 from circparam.mesh.surface import Surface
-from circparam.seams.accuracy import FINAL, ROUGH
+from circparam.seams.accuracy import ANY_BOUND, FINAL, ROUGH
 from circparam.seams.cost import COST
 from circparam.seams.hard.regions import facets
 from circparam.seams.moves.glue import MergeOptions, merge
@@ -34,7 +34,6 @@ STARTS = ((1.0, 2 * REGIONS), (0.5, REGIONS), (0.5, 2 * REGIONS))
 # up to this size charts are decided on the surface itself; larger ones that have no proxy get one start
 DIRECT_FACES = 1_500
 SHORT_ARCS = 0.2  # radians; arcs end at such vertices when charts of a finished atlas merge
-ANY_BOUND = float(np.sqrt(np.finfo(float).max))  # that every chart keeps to which has no flips
 
 
 def starts_of(search: Search, surface: Surface) -> list[tuple[float, int]]:

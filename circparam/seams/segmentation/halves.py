@@ -13,6 +13,7 @@ from circparam.core.graph import distances, severed, undirected
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.atlas import Atlas
+from circparam.seams.accuracy import ANY_BOUND
 from circparam.seams.evaluate import jacobians
 from circparam.seams.segmentation.grow import DualGraph
 from circparam.seams.segmentation.layout import ChartLayouts
@@ -53,9 +54,10 @@ def halve_evenly(atlas: Atlas, graph: DualGraph, layouts: ChartLayouts, which: B
 
 
 def _face_energies(layouts: ChartLayouts) -> FloatArray:
-    """(m,) energy of each face, with the roughness that its surface leaves out."""
+    """(m,) energy of each face, with the roughness that its surface leaves out; never infinite."""
     cut_mesh = layouts.cut_mesh
     energy = dirichlet.energy(jacobians(cut_mesh, layouts.uv[cut_mesh.faces]))
+    energy = np.minimum(energy, ANY_BOUND)
     return energy if cut_mesh.roughness is None else energy + cut_mesh.roughness.values
 
 

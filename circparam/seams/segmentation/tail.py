@@ -2,8 +2,8 @@
 
 Most of it needs no seam: with more weight in the energy on the few faces that are stretched or shrunk too
 much, the others, of which there are a hundred times as many, give way by little. Where that is not enough,
-charts are split. A draft cuts the tips off instead. Where a user asked for the stretch, charts are split and
-tips are cut off as far as either helps.
+charts are split, and tips are cut off where no split helps. A draft only cuts tips off, unless a user asked
+for the stretch.
 """
 
 import numpy as np
@@ -57,7 +57,7 @@ def limit_stretch(atlas: Atlas, limits: Limits, monitor: Monitor, seams: bool = 
             return
         if _split(atlas, cut_mesh, over, limits, monitor):
             continue
-        if not limits.asked or over.sum() >= last:
+        if over.sum() >= last:
             return
         last = over.sum()
         _cut_off(atlas, limits, monitor)

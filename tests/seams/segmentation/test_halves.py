@@ -97,3 +97,11 @@ def test_a_bay_does_not_make_three_parts(axis: int) -> None:
     assert atlas.charts()[0] == 1
     halved("evenly", atlas)
     assert atlas.charts()[0] == 2
+
+
+def test_a_layout_that_all_but_collapsed_is_halved() -> None:
+    """Its energies are no finite numbers, and warnings are errors."""
+    atlas = as_it_lies(uncut(*SHEET))
+    atlas.corners = atlas.corners * [1, 1e-200]
+    halved("evenly", atlas)
+    assert atlas.charts()[0] == 2

@@ -82,7 +82,8 @@ DRAFT = {"local": 8, "cuts_off": True}  # parts are cut off
         )),
         # one remedy alone does not help: halves of a torus are stretched like the whole, and a chart that is
         # all tip has nothing to cut off
-        (shapes.torus(24, 12), 1.25, {"asked": True}),
+        (shapes.torus(24, 12), 1.25, {}),
+        (shapes.cube(6), 1.5, {}),
         (shapes.icosphere(3), 1.15, DRAFT | {"asked": True}),
         (shapes.bumpy(3), 1.25, DRAFT | {"asked": True}),
         (shapes.cube(6), 1.15, DRAFT | {"asked": True}),
