@@ -17,7 +17,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.document import FIRST_UDIM, GROUPINGS, Document, Encoded, Named, WriteOptions
 from circparam.formats.gltf import materials, scene
-from circparam.formats.gltf.buffers import short_views
+from circparam.formats.gltf.buffers import file_uris, short_views
 from circparam.formats.gltf.editing import TreeEdit, file_uv, join_primitives, stored_uv
 from circparam.formats.gltf.reading import (
     COMPRESSED,
@@ -154,9 +154,7 @@ class GltfDocument(Document):
         """TANGENT of the vertices, turned into the world."""
         rows = np.full((len(self.mesh.points), 4), np.nan)
         for part, value, matrix in self._directions("TANGENT", 4):
-            turned = scene.times(value[:, :3], matrix.T)
-            length = np.linalg.norm(turned, axis=1, keepdims=True)
-            rows[part] = np.c_[turned / np.maximum(length, 1e-300), value[:, 3]]
+            rows[part] = np.c_[unit(scene.times(value[:, :3], matrix.T)), value[:, 3]]
         return None if np.isnan(rows).all() else rows[self.mesh.faces]
 
     def _directions(self, name: str, width: int) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
@@ -278,8 +276,7 @@ class GltfDocument(Document):
         """The buffers that lie beside the file; a GLB holds its own."""
         if format != "gltf":
             return []
-        uris = [b.get("uri") for b in self.tree.json.get("buffers", [])]
-        return [unquote(u) for u in uris if isinstance(u, str) and not u.startswith("data:")]
+        return [unquote(uri) for uri in file_uris(self.tree.json, "buffers")]
 
 
 def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocument:

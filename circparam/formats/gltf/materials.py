@@ -166,7 +166,7 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
         texture = pbr.get("baseColorTexture")
         image = -1 if texture is None else files.of(tree.item("textures", texture["index"]))
         if texture is not None and image >= 0:
-            image = files.moved(image, affine(_moved(texture)))
+            image = files.moved(image, upwards(uv_transform(_moved(texture))))
             sets.append(uv_set_of(texture))
         factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
         tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
@@ -180,14 +180,6 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
         files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
     found = files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
     return replace(found, tints=tuple(dict.fromkeys(filter(None, tints))))
-
-
-def affine(moved: Json) -> FloatArray:
-    """(2, 3) the effect of KHR_texture_transform on uv with v upwards: scaled, turned, then shifted.
-
-    The example of the extension, the lower left quadrant turned by 90°, tells the direction.
-    """
-    return upwards(uv_transform(moved))
 
 
 def _base_colour(material: Json) -> Json:
@@ -345,7 +337,10 @@ class _Images(ImageFiles):
 
 def uv_transform(moved: Json) -> FloatArray:
     """(2, 3) the map of KHR_texture_transform: scale, then a turn that is counter-clockwise to the eye, then
-    the offset; v points down."""
+    the offset; v points down.
+
+    The example of the extension, the lower left quadrant turned by 90°, tells the direction.
+    """
     turn = float(moved.get("rotation", 0.0))
     (sx, sy), (ox, oy) = moved.get("scale", (1.0, 1.0)), moved.get("offset", (0.0, 0.0))
     c, s = np.cos(turn), np.sin(turn)

@@ -198,6 +198,12 @@ def unit_rows(
     return np.where(length > 0, rows / np.maximum(length, 1e-300), instead)
 
 
+def local_tangents(tangents: FloatArray, matrix: FloatArray) -> FloatArray:
+    """TANGENT (n, 4) of a mesh with a (4, 4) world transform, from tangents in the world."""
+    turned = times(tangents[:, :3], np.linalg.pinv(matrix[:3, :3]).T)
+    return np.c_[unit_rows(turned), tangents[:, 3]]
+
+
 def triangles_of(index: IntArray, mode: int) -> IntArray:
     """(k, 3) triangles of an index list by primitive mode; an incomplete rest is dropped."""
     if mode == TRIANGLES:
