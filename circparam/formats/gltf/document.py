@@ -261,7 +261,10 @@ class GltfDocument(Document):
     def textured_sets(self) -> set[int]:
         """The uv sets that textures refer to: those of materials, and of extensions of materials and faces."""
         with sound_tree(self.source, "a material"):
-            return materials.texture_sets([self.tree.json.get(k) for k in ("materials", "meshes")])
+            infos = materials.texture_infos(
+                [self.tree.json.get(k) for k in ("materials", "meshes")]
+            )
+            return {materials.uv_set_of(info) for k, info in infos if k.lower().endswith("texture")}
 
     def flaws(self) -> list[str]:
         """Views that end inside their last row: three.js and assimp refuse such a file."""

@@ -195,13 +195,6 @@ def _base_colour(material: Json) -> Json:
     return {names[key]: value for key, value in gloss.items() if key in names}
 
 
-def texture_sets(entries: Any) -> set[int]:
-    """The uv sets that texture infos anywhere in a tree refer to."""
-    return {
-        uv_set_of(info) for key, info in texture_infos(entries) if key.lower().endswith("texture")
-    }
-
-
 def _moved(info: Json) -> Json:
     """How a texture info moves the uv."""
     return info.get("extensions", {}).get(TRANSFORM, {})

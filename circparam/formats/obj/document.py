@@ -47,10 +47,6 @@ class ObjDocument(Document):
     polys: Polygons = field(kw_only=True)
     corner_vt: IntArray = field(kw_only=True)
 
-    def polygons(self) -> Polygons:
-        """The faces of the file."""
-        return self.polys
-
     @cached_property
     def texture_points(self) -> FloatArray:
         """(k, 2) the vt lines of the file."""

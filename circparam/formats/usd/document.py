@@ -76,10 +76,6 @@ class UsdDocument(Document):
         """(m,) label of each face by part of a material, mesh or scene."""
         return self.prim if kind == "mesh" else super().labels(kind)
 
-    def polygons(self) -> Polygons:
-        """The faces of all meshes."""
-        return self.polys
-
     def needs(self, format: str) -> list[str]:
         """The layers that the output refers to, this one too."""
         if format not in USD_KINDS or format == PACKAGE or self.path is None:
