@@ -249,7 +249,7 @@ def _loops(place: list[tuple[float, ...]], longest: int) -> list[list[int]]:
 
 def clip_ears(p: FloatArray) -> IntArray:
     """Ear clipping of one polygon. p: (n, 3) corners relative to the first. Returns (n − 2, 3) corners."""
-    normal = np.cross(p, np.roll(p, -1, axis=0)).sum(0)
+    normal = _normal(p)
     axis = np.cross(np.eye(3)[int(np.argmin(np.abs(normal)))], normal)
     q = p @ np.stack([axis, np.cross(normal, axis)], 1)
     return np.array(Ears(q).clip(), np.int64)

@@ -27,6 +27,7 @@ from circparam.formats.gltf.reading import (
     Primitive,
     Tree,
     drop_compressed_copies,
+    of_faces,
     sound_tree,
 )
 from circparam.formats.looks import Looks
@@ -78,13 +79,9 @@ class GltfDocument(Document):
         of_pool = [[p for p in self.primitives if p.pool == k] for k in range(len(self.pools))]
         return [users for users in of_pool if users]
 
-    def of_faces(self, values: Sequence[int]) -> IntArray:
-        """(m,) of values of the primitives that of each face."""
-        return np.repeat(np.array(values, np.int64), [len(p.triangles) for p in self.primitives])
-
     def instance_transforms(self) -> list[tuple[IntArray, FloatArray]]:
         """The meshes that further nodes show, where those put them."""
-        mesh = self.of_faces([p.mesh for p in self.primitives])
+        mesh = of_faces(self.primitives, [p.mesh for p in self.primitives])
         return [(np.flatnonzero(mesh == shown), matrix) for shown, matrix in self.again]
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
@@ -115,7 +112,7 @@ class GltfDocument(Document):
         """(m,) label of each face by primitive, mesh or scene."""
         if kind in ("primitive", "mesh"):
             of = [k if kind == "primitive" else p.mesh for k, p in enumerate(self.primitives)]
-            return relabel(self.of_faces(of))[1]
+            return relabel(of_faces(self.primitives, of))[1]
         return super().labels(kind)
 
     def named(self, kind: str) -> Named | None:
@@ -128,7 +125,7 @@ class GltfDocument(Document):
                 of = [p.mesh for p in self.primitives]
                 meshes = scene.entry_names(self.tree, "meshes", of)
                 names = meshes if kind == "group" else scene.node_names(self.tree)
-        return Named(self.of_faces(of), names) if names else None
+        return Named(of_faces(self.primitives, of), names) if names else None
 
     def colours(self) -> FloatArray | None:
         """COLOR_0 of the vertices."""
@@ -303,8 +300,7 @@ def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocumen
         order = list(dict.fromkeys(used))
         groups, names = None, list[str]()
         if len(order) > 1:
-            label = [order.index(k) for k in used]
-            groups = np.repeat(label, [len(p.triangles) for p in primitives])
+            groups = of_faces(primitives, [order.index(k) for k in used])
             known = [tree.item("materials", k) if k >= 0 else {"name": ""} for k in order]
             names = [str(m.get("name", f"material_{k}")) for k, m in zip(order, known, strict=True)]
         sets = {int(k[9:]) for p in pools for k in p.attributes if k[:9] == "TEXCOORD_"}

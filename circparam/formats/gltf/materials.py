@@ -15,7 +15,7 @@ import numpy as np
 
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
-from circparam.formats.gltf.reading import Json, Primitive, Tree
+from circparam.formats.gltf.reading import Json, Primitive, Tree, of_faces
 from circparam.formats.looks import Looks, Material, Slot, Use, Wrap
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint, upwards
 
@@ -220,7 +220,7 @@ def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
         for k, entry in enumerate(entries)
     )
     _check_carried(tree, primitives)
-    face = np.repeat(np.array(used, np.int64), [len(p.triangles) for p in primitives])
+    face = of_faces(primitives, used)
     return Looks(tuple(files.images), tuple(files.names), materials, face)
 
 

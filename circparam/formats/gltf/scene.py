@@ -168,9 +168,7 @@ def read_meshes(
                 triangles = triangles[:, ::-1]
             if len(triangles):
                 first = primitives[-1].faces.stop if primitives else 0
-                primitives.append(
-                    Primitive(mesh, number, known[key], mode, triangles, first, turned)
-                )
+                primitives.append(Primitive(mesh, number, known[key], triangles, first, turned))
     if not primitives:
         raise tree.error("it has no triangles: there is nothing to unwrap")
     return np.concatenate(points), primitives, pools, notes

@@ -106,9 +106,9 @@ class UsdDocument(Document):
         if format == PACKAGE:
             data, files = layer.packaged(stem, files), []
         elif path is None or not stem or same:
-            data = layer.copied(format)
+            data = layer.written(format)
         else:
-            data, files = layer.over(path.name, format), [path.name, *files]
+            data, files = layer.written(format, path.name), [path.name, *files]
         needed = [f for f in files if f not in self.assets]
         warnings = []
         if self.outside:
