@@ -378,11 +378,15 @@ def check_new_set(options: WriteOptions, format: str) -> None:
         )
 
 
+def numbered_pages(names: Sequence[str]) -> dict[str, str]:
+    """The names of pages by the UDIM numbers of the pages, as text."""
+    return {str(FIRST_UDIM + k): name for k, name in enumerate(names)}
+
+
 def page_lines(names: Sequence[str]) -> list[str]:
     """A line for each page, without the sign of a comment; white space in a name becomes single blanks."""
-    return [
-        f"{NOTE_START}{FIRST_UDIM + k} {' '.join(name.split())}" for k, name in enumerate(names)
-    ]
+    pages = numbered_pages(names).items()
+    return [f"{NOTE_START}{number} {' '.join(name.split())}" for number, name in pages]
 
 
 def not_carried(document: Document, format: str, *kept: str) -> tuple[list[str], list[str]]:

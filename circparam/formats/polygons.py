@@ -66,19 +66,17 @@ class Polygons:
         out = np.full(len(self.corners), -1, np.int64)
         out[self.triangles.ravel()[::-1]] = uvmap.uv_faces.ravel()[::-1]
         given, kept = uvmap.uv_faces, out[self.triangles]
-        differ = (given != kept).any(1)
-        if differ.any():
-            f = np.flatnonzero(differ)
-            a, b = given[f], kept[f]
-            same = (a < 0) == (b < 0)
-            if len(uvmap.uv):
-                same &= (uvmap.uv[a] == uvmap.uv[b]).all(2)
-            wrong = f[~same.all(1)]
-            if len(wrong):
-                raise NoResultError(
-                    f"{name}: polygon {int(self.owner[wrong[0]])} got two uv at one corner: "
-                    "a seam may not run inside a polygon"
-                )
+        f = np.flatnonzero((given != kept).any(1))
+        a, b = given[f], kept[f]
+        same = (a < 0) == (b < 0)
+        if len(uvmap.uv):
+            same &= (uvmap.uv[a] == uvmap.uv[b]).all(2)
+        wrong = f[~same.all(1)]
+        if len(wrong):
+            raise NoResultError(
+                f"{name}: polygon {int(self.owner[wrong[0]])} got two uv at one corner: "
+                "a seam may not run inside a polygon"
+            )
         return out
 
 

@@ -15,7 +15,14 @@ from circparam.core.arrays import relabel, unit
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.document import FIRST_UDIM, GROUPINGS, Document, Encoded, Named, WriteOptions
+from circparam.formats.document import (
+    GROUPINGS,
+    Document,
+    Encoded,
+    Named,
+    WriteOptions,
+    numbered_pages,
+)
 from circparam.formats.gltf import materials, scene
 from circparam.formats.gltf.buffers import file_uris, short_views
 from circparam.formats.gltf.editing import TreeEdit, file_uv, join_primitives, stored_uv
@@ -144,8 +151,7 @@ class GltfDocument(Document):
         rows = np.zeros((len(self.mesh.points), 3))
         for part, value, matrix in self._directions("NORMAL", 3):
             rows[part] = scene.times(value, np.linalg.pinv(matrix))
-        rows = unit(rows)
-        return rows[self.mesh.faces]
+        return unit(rows)[self.mesh.faces]
 
     def tangents(self) -> FloatArray | None:
         """TANGENT of the vertices, turned into the world."""
@@ -204,8 +210,7 @@ class GltfDocument(Document):
             edit = TreeEdit(self.tree)
             if self.carried is not None:
                 edit.dress(self.primitives, self.carried)
-            store_grouping(edit.json, number, options.group_by)
-            store_pages(edit.json, number, options.pages)
+            store_layout(edit.json, number, options.group_by, options.pages)
             vertices, notes = self._put_uv(edit, uvmap, number)
             blocks = join_primitives(edit, self.primitives, edit.merged)
             joined = sum(len(block) for block in blocks if len(block) > 1)
@@ -335,16 +340,13 @@ def features_of(tree: Tree) -> tuple[str, ...]:
     return tuple(k for k, there in has.items() if there)
 
 
-def store_grouping(tree: Json, uv_set: int, kind: str | None) -> None:
-    """Store the owner of an atlas of a uv set in a tree, in place; None, one atlas, needs no entry."""
+def store_layout(tree: Json, uv_set: int, kind: str | None, pages: Sequence[str]) -> None:
+    """Store the owner of an atlas of a uv set, and the names of its pages, in a tree, in place.
+
+    kind: None, one atlas, needs no entry. pages: stored as {"1001": "steel", "1002": "paint"}.
+    """
     _store(tree, "group_by", uv_set, kind if kind in GROUPINGS else None)
-
-
-def store_pages(tree: Json, uv_set: int, names: Sequence[str]) -> None:
-    """Store the names of the pages of a uv set in a tree, in place, as {"1001": "steel", "1002": "paint"}."""
-    _store(
-        tree, "pages", uv_set, {str(FIRST_UDIM + k): name for k, name in enumerate(names)} or None
-    )
+    _store(tree, "pages", uv_set, numbered_pages(pages) or None)
 
 
 def _store(tree: Json, key: str, uv_set: int, value: Any) -> None:

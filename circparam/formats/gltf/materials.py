@@ -162,13 +162,15 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     for p in primitives:
         entry = p.entry(tree.json)
         material = tree.item("materials", entry["material"]) if "material" in entry else {}
-        pbr = _base_colour(material)
-        texture = pbr.get("baseColorTexture")
+        # Sketchfab's exports keep it in KHR_materials_pbrSpecularGlossiness, the last of PLACES
+        place, holder = [x for x in places_of(material) if x[0].slot.covers][-1]
+        texture = holder.get(place.texture)
         image = -1 if texture is None else files.of(tree.item("textures", texture["index"]))
         if texture is not None and image >= 0:
             image = files.moved(image, upwards(uv_transform(_moved(texture))))
             sets.append(uv_set_of(texture))
-        factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
+        ((key, white),) = place.factors
+        factor = np.array(holder.get(key, white), float)
         tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
         faces.append(np.full(len(p.triangles), image))
         plain.append(np.tile(srgb(factor[:3]), (len(p.triangles), 1)))
@@ -180,19 +182,6 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
         files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
     found = files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
     return replace(found, tints=tuple(dict.fromkeys(filter(None, tints))))
-
-
-def _base_colour(material: Json) -> Json:
-    """Texture and factor of a material's base colour, by today's names.
-
-    Older exports, Sketchfab's among them, keep both in KHR_materials_pbrSpecularGlossiness, which comes first
-    where a reader knows it.
-    """
-    gloss = material.get("extensions", {}).get(GLOSS)
-    if gloss is None:
-        return material.get("pbrMetallicRoughness", {})
-    names = {"diffuseTexture": "baseColorTexture", "diffuseFactor": "baseColorFactor"}
-    return {names[key]: value for key, value in gloss.items() if key in names}
 
 
 def _moved(info: Json) -> Json:

@@ -125,8 +125,7 @@ class ObjDocument(Document):
         lost = "l and surf elements lost their vt: they named points of the old uv set"
         notes = [lost] if len(element_edits(self.scan)) else []
         assets, extra = self.scan.libraries(), dict[str, bytes]()
-        found = None if self.carried is None else self.looks()
-        if self.carried is not None and found is not None:
+        if self.carried is not None and (found := self.looks()) is not None:
             assets = []
             data, extra = materials.redressed(
                 data, self.scan, self.source, found, self.carried, stem

@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.document import FIRST_UDIM, Document, Encoded, WriteOptions, not_carried
+from circparam.formats.document import Document, Encoded, WriteOptions, not_carried, numbered_pages
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import MeshPrim
 from circparam.formats.usd.stage import (
@@ -97,7 +97,7 @@ def name_pages(layer: Any, names: Sequence[str]) -> None:
         return
     own.pop("pages", None)
     if names:
-        own["pages"] = {str(FIRST_UDIM + k): name for k, name in enumerate(names)}
+        own["pages"] = numbered_pages(names)
     layer.customLayerData = {**data, **({"circparam": own} if own else {})}
 
 
