@@ -52,7 +52,7 @@ class Layer:
         from pxr import Sdf
 
         layer = Sdf.Layer.CreateAnonymous(f".{kind}")
-        with opened(self.data, self.source) as stage:
+        with opened(self.data, self.source) as (stage, _):
             root = stage.GetRootLayer()
             if below:
                 layer.subLayerPaths.append(f"./{below}")
