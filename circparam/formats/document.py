@@ -95,9 +95,10 @@ class Document:
     mesh: the triangles in world space (points bit-exact, polygons and groups as labels). uv_sets: numbers of
     the uv sets in the file. notes: of interest from reading. warnings: losses of reading. features: data of the
     file beyond triangles, as short nouns, for the losses in another format. group_names: name of each label in
-    ``mesh.groups``. carried: new materials and images for writing, None for those of the file. own_formats:
-    formats that the document writes itself, by editing. only_first: whether these have a single uv set.
-    holds_images: whether they have a place for ``carried``.
+    ``mesh.groups``. carried: new materials and images for writing, None for those of the file. polys: polygons
+    with their triangles, None where all are triangles. own_formats: formats that the document writes itself, by
+    editing. only_first: whether these have a single uv set. holds_images: whether they have a place for
+    ``carried``.
     """
 
     own_formats: ClassVar[tuple[str, ...]] = ()
@@ -112,6 +113,7 @@ class Document:
     group_names: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     carried: Carried | None = None
+    polys: Polygons | None = None
 
     @property
     def path(self) -> Path | None:
@@ -191,7 +193,7 @@ class Document:
 
     def polygons(self) -> Polygons:
         """The polygons of the file with their triangles, for writing into another format."""
-        return of_triangles(self.mesh.faces.ravel())
+        return of_triangles(self.mesh.faces.ravel()) if self.polys is None else self.polys
 
     def colours(self) -> FloatArray | None:
         """(m, 3, 3) sRGB colour of every corner, of vertices or faces, 0..1; None if there are none.
@@ -376,11 +378,15 @@ def check_new_set(options: WriteOptions, format: str) -> None:
         )
 
 
+def numbered_pages(names: Sequence[str]) -> dict[str, str]:
+    """The names of pages by the UDIM numbers of the pages, as text."""
+    return {str(FIRST_UDIM + k): name for k, name in enumerate(names)}
+
+
 def page_lines(names: Sequence[str]) -> list[str]:
     """A line for each page, without the sign of a comment; white space in a name becomes single blanks."""
-    return [
-        f"{NOTE_START}{FIRST_UDIM + k} {' '.join(name.split())}" for k, name in enumerate(names)
-    ]
+    pages = numbered_pages(names).items()
+    return [f"{NOTE_START}{number} {' '.join(name.split())}" for number, name in pages]
 
 
 def not_carried(document: Document, format: str, *kept: str) -> tuple[list[str], list[str]]:

@@ -27,11 +27,10 @@ NEEDS = {
     "dae": {"collada": "pycollada"},
     "zae": {"collada": "pycollada"},
     "xaml": {"lxml": "lxml"},
-    "3dxml": {"lxml": "lxml", "networkx": "networkx"},
     "step": {"cascadio": "cascadio"},
 }
 # ending of an entry that an archive of a format must have
-ENTRY = {"3mf": ".model", "zae": ".dae", "3dxml": ""}
+ENTRY = {"3mf": ".model", "zae": ".dae"}
 LOST = ("materials", "names", "the tree of nodes")
 # Bytes that any archive may declare, and bytes for each packed byte: text packs 5 to 20 times, no real file a
 # hundred times.

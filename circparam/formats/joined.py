@@ -202,7 +202,7 @@ def _moved(material: Material, k: int, images: int, format: str) -> Material:
 def join(parts: Sequence[Document]) -> JoinedDocument:
     """Several files as one document."""
     meshes = [part.mesh for part in parts]
-    points = list(apart([mesh.points for mesh in meshes], [mesh.faces for mesh in meshes]))
+    points = list(_apart(meshes))
     first_point = np.cumsum([0, *map(len, points)])
     faces = [mesh.faces + k for mesh, k in zip(meshes, first_point, strict=False)]
     names = [part.source.name for part in parts]
@@ -227,23 +227,23 @@ def join(parts: Sequence[Document]) -> JoinedDocument:
     )
 
 
-def apart(points: Sequence[FloatArray], faces: Sequence[IntArray]) -> Iterator[FloatArray]:
-    """Points (n, 3) of several meshes, each moved into a cell of its own in a lattice.
+def _apart(meshes: Sequence[Mesh]) -> Iterator[FloatArray]:
+    """Points (n, 3) of each mesh, moved into a cell of its own in a lattice.
 
     The lattice has steps of a power of two, which keeps float32 coordinates exact. A single mesh stays in
     place.
     """
-    if len(points) == 1:
-        yield points[0]
+    if len(meshes) == 1:
+        yield meshes[0].points
         return
-    used = [p[f].reshape(-1, 3) for p, f in zip(points, faces, strict=True)]
+    used = [mesh.corners.reshape(-1, 3) for mesh in meshes]
     low = np.min([p.min(0) for p in used], axis=0)
     high = np.max([p.max(0) for p in used], axis=0)
     step = 2.0 ** (math.frexp(float((high - low).max()))[1] + 1)
-    side = math.ceil(len(points) ** (1 / 3))
-    cells = np.stack(np.unravel_index(np.arange(len(points)), (side, side, side)), 1)
-    for p, cell in zip(points, cells, strict=True):
-        yield p + step * cell
+    side = math.ceil(len(meshes) ** (1 / 3))
+    cells = np.stack(np.unravel_index(np.arange(len(meshes)), (side, side, side)), 1)
+    for mesh, cell in zip(meshes, cells, strict=True):
+        yield mesh.points + step * cell
 
 
 def _labels(

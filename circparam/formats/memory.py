@@ -11,7 +11,6 @@ from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
 from circparam.formats.materials import Textures, encoded_image
-from circparam.formats.polygons import Polygons
 from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh, UVMap
 
@@ -29,7 +28,6 @@ class PlainDocument(Document):
     the file says to point up, '' if it does not.
     """
 
-    polys: Polygons | None = None
     layout: UVMap | None = None
     wears: Textures | None = None
     paint: FloatArray | None = None
@@ -39,10 +37,6 @@ class PlainDocument(Document):
     def up(self) -> str:
         """The axis that the file says to point up."""
         return self.axis
-
-    def polygons(self) -> Polygons:
-        """The polygons of the file, or its triangles."""
-        return super().polygons() if self.polys is None else self.polys
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
         """The layout that came with the arrays."""

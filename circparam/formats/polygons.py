@@ -66,19 +66,17 @@ class Polygons:
         out = np.full(len(self.corners), -1, np.int64)
         out[self.triangles.ravel()[::-1]] = uvmap.uv_faces.ravel()[::-1]
         given, kept = uvmap.uv_faces, out[self.triangles]
-        differ = (given != kept).any(1)
-        if differ.any():
-            f = np.flatnonzero(differ)
-            a, b = given[f], kept[f]
-            same = (a < 0) == (b < 0)
-            if len(uvmap.uv):
-                same &= (uvmap.uv[a] == uvmap.uv[b]).all(2)
-            wrong = f[~same.all(1)]
-            if len(wrong):
-                raise NoResultError(
-                    f"{name}: polygon {int(self.owner[wrong[0]])} got two uv at one corner: "
-                    "a seam may not run inside a polygon"
-                )
+        f = np.flatnonzero((given != kept).any(1))
+        a, b = given[f], kept[f]
+        same = (a < 0) == (b < 0)
+        if len(uvmap.uv):
+            same &= (uvmap.uv[a] == uvmap.uv[b]).all(2)
+        wrong = f[~same.all(1)]
+        if len(wrong):
+            raise NoResultError(
+                f"{name}: polygon {int(self.owner[wrong[0]])} got two uv at one corner: "
+                "a seam may not run inside a polygon"
+            )
         return out
 
 
@@ -249,7 +247,7 @@ def _loops(place: list[tuple[float, ...]], longest: int) -> list[list[int]]:
 
 def clip_ears(p: FloatArray) -> IntArray:
     """Ear clipping of one polygon. p: (n, 3) corners relative to the first. Returns (n − 2, 3) corners."""
-    normal = np.cross(p, np.roll(p, -1, axis=0)).sum(0)
+    normal = _normal(p)
     axis = np.cross(np.eye(3)[int(np.argmin(np.abs(normal)))], normal)
     q = p @ np.stack([axis, np.cross(normal, axis)], 1)
     return np.array(Ears(q).clip(), np.int64)

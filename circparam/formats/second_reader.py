@@ -93,8 +93,9 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
         )
     points: list[FloatArray] = []
     faces: list[IntArray] = []
-    tables: list[FloatArray | None] = []
+    tables: list[FloatArray] = []
     names: list[str] = []
+    any_uv = False
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]
         part = scene.geometry[name]
@@ -108,8 +109,9 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
         # a mirroring node turns faces over: they are wound as they are seen
         faces.append(f[:, ::-1] if np.linalg.det(transform[:3, :3]) < 0 else f)
         uv = getattr(getattr(part, "visual", None), "uv", None)
-        table = None if uv is None else np.asarray(uv, np.float64)
-        tables.append(None if table is None or table.shape != (len(p), 2) else table)
+        fits = uv is not None and np.shape(uv) == (len(p), 2)
+        tables.append(np.asarray(uv, np.float64) if fits else np.full((len(p), 2), np.nan))
+        any_uv |= fits
         names.append(str(name))
     if not faces:
         return {}, []
@@ -119,10 +121,8 @@ def triangles_of(data: bytes, kind: str, folder: Path | None) -> tuple[Arrays, l
         "faces": np.concatenate([f + k for f, k in zip(faces, first, strict=False)]),
         "group": np.repeat(np.arange(len(faces)), [len(f) for f in faces]),
     }
-    if any(t is not None for t in tables):
-        none = [np.full((len(p), 2), np.nan) for p in points]
-        parts = [n if t is None else t for t, n in zip(tables, none, strict=True)]
-        arrays["uv"] = np.concatenate(parts)
+    if any_uv:
+        arrays["uv"] = np.concatenate(tables)
     return arrays, names
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from circparam.errors import InputError, NoResultError, OptionError
 from circparam.formats.document import Document, Encoded, WriteOptions, check_layout, not_carried
-from circparam.formats.io import read, read_data
+from circparam.formats.io import encode, read, read_data
 from circparam.formats.looks import Carried, Group
 from circparam.formats.materials import Textures
 from circparam.formats.obj.materials import SLOTS
@@ -145,3 +145,41 @@ def test_textures_need_the_uv_set_that_they_name() -> None:
     textures = Textures((b"",), ("x",), np.zeros(1, np.int64), np.ones((1, 3)), uv_set=2)
     with pytest.raises(InputError, match=r"m\.x.*uv set 2.*--source"):
         document().texture_layout(textures)
+
+
+PLY = b"""ply
+format ascii 1.0
+comment mine
+comment circparam page 1001 old
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2
+"""
+OBJ = b"# mine\nv 0 0 0\nv 1 0 0\nv 0 1 0\n# circparam page 1001 old\nvt 0 0\nf 1/1 2/1 3/1\n"
+
+
+@pytest.mark.parametrize(("data", "sign", "before"), [(PLY, "comment", "format"), (OBJ, "#", "v ")])
+def test_names_of_pages_replace_those_of_an_earlier_layout(
+    data: bytes, sign: str, before: str
+) -> None:
+    """In lines of their own behind the first lines of the format; all other comments stay."""
+    found = read_data(data)
+    for names in ((), ("steel", "dark  paint")):
+        options = WriteOptions(pages=names)
+        out = encode(found, UVMap(UV, np.array([[0, 1, 2]])), found.format, options=options)
+        lines = out.data.decode().splitlines()
+        said = [line for line in lines if line.startswith(sign)]
+        new = [f"{sign} circparam page 1001 steel", f"{sign} circparam page 1002 dark paint"]
+        new = new if names else []
+        assert sorted(said) == sorted([f"{sign} mine", *new])
+        at = 1 + max(k for k, line in enumerate(lines) if line.startswith(before))
+        assert lines[at : at + len(new)] == new
+        assert read_data(out.data).uv() is not None

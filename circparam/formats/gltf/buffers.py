@@ -9,7 +9,7 @@ import base64
 import copy
 import json
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeAlias
 from urllib.parse import quote, unquote
@@ -138,33 +138,27 @@ class Packing:
         if format == "glb" and not self.tree.is_glb:
             body = self._pack()
             self._embed_images()
-        if body is not None or (format == "glb" and not self.json["buffers"]):
-            body = self._append(
-                cut(self.json, body or b"", self.gone, self.shared, self._fresh()), 0
-            )
-            buffers = self.json["buffers"]
+        buffers = self.json["buffers"]
+        if body is not None or (format == "glb" and not buffers):
+            kept = cut(self.json, body or b"", self.gone, self.shared, self._stored())
+            body = self._append(kept, 0)
             if not buffers:
                 buffers.append({})
             buffers[0]["byteLength"] = len(body)
-            if format == "glb":
-                return glb_bytes(self.json, body, self.tree.rest), extra, self._assets()
-            buffers[0] = {"uri": self._name(stem, body, extra), **buffers[0]}
+            if format != "glb":
+                buffers[0] = {"uri": self._name(stem, body, extra), **buffers[0]}
         elif self.data:
-            buffers, fresh = self.json["buffers"], {id(v) for v in self._fresh()}
             if not self.careful:
-                kept = [v for v in self.json["bufferViews"] if id(v) not in fresh]
+                views = self._stored()
                 used = {v["buffer"] for v in self.tree.json.get("bufferViews", [])}
-                lost = used - {v["buffer"] for v in kept}
-                close_gaps(buffers, lost, ((view, "buffer") for view in kept))
-            body = self._append(b"", len(buffers))
-            buffers.append({"uri": self._name(stem, body, extra), "byteLength": len(body)})
+                lost = used - {v["buffer"] for v in views}
+                close_gaps(buffers, lost, ((view, "buffer") for view in views))
+            added = self._append(b"", len(buffers))
+            buffers.append({"uri": self._name(stem, added, extra), "byteLength": len(added)})
         if format == "glb":
-            return glb_bytes(self.json, None, self.tree.rest), extra, self._assets()
-        text = json.dumps(
-            self.json, ensure_ascii=False, indent=self.tree.indent,
-            separators=(",", ":") if self.tree.indent is None else None, allow_nan=False,
-        )  # fmt: skip
-        data = _utf8(text) + (b"\n" if self.tree.indent is not None else b"")
+            return glb_bytes(self.json, body, self.tree.rest), extra, self._assets()
+        data = _json_bytes(self.json, self.tree.indent)
+        data += b"\n" if self.tree.indent is not None else b""
         # a new buffer may have the name of one that nothing uses any more
         return data, extra, [name for name in self._assets() if name not in extra]
 
@@ -196,8 +190,7 @@ class Packing:
         old, new = self.tree.json, self.json
         accessors, views = new.get("accessors", []), new.get("bufferViews", [])
         of_file, views_of_file = (len(old.get(kind, [])) for kind in ("accessors", "bufferViews"))
-        before, now = ({c[key] for c, key in accessor_slots(tree)} for tree in (old, new))
-        lost = sorted((before | set(range(of_file, len(accessors)))) - now)
+        lost = sorted(lost_entries(old, new, "accessors", accessor_slots))
         mine = _views_of(accessors, lost) | (_image_views(old) - _image_views(new))
         mine |= self.tree.stale_views
         kept = set(range(len(accessors))) - set(lost)
@@ -223,9 +216,10 @@ class Packing:
             if not self.careful:
                 self.gone.append(span)
 
-    def _fresh(self) -> list[Json]:
-        """The views that have no bytes yet."""
-        return [view for view, _ in self.data]
+    def _stored(self) -> list[Json]:
+        """The views whose bytes lie in a buffer of the file."""
+        fresh = {id(view) for view, _ in self.data}
+        return [view for view in self.json.get("bufferViews", []) if id(view) not in fresh]
 
     def _append(self, body: bytes, buffer: int) -> bytes:
         parts, size = [body], len(body)
@@ -245,11 +239,9 @@ class Packing:
             parts += [b"\0" * gap, data]
             at.append(size + gap)
             size += gap + len(data)
-        fresh = {id(v) for v in self._fresh()}
-        for view in self.json.get("bufferViews", []):
-            if id(view) not in fresh:
-                view["byteOffset"] = view.get("byteOffset", 0) + at[view["buffer"]]
-                view["buffer"] = 0
+        for view in self._stored():
+            view["byteOffset"] = view.get("byteOffset", 0) + at[view["buffer"]]
+            view["buffer"] = 0
         self.gone = [Span(0, s.start + at[s.buffer], s.end + at[s.buffer]) for s in self.gone]
         self.json["buffers"] = [{"byteLength": size}]
         return b"".join(parts)
@@ -267,14 +259,9 @@ class Packing:
         return quote(name)
 
     def _assets(self) -> list[str]:
-        uris = [
-            e["uri"]
-            for kind in ("buffers", "images")
-            for e in self.tree.json.get(kind, [])
-            if isinstance(e.get("uri"), str) and not e["uri"].startswith("data:")
-        ]
-        still = {e.get("uri") for kind in ("buffers", "images") for e in self.json.get(kind, [])}
-        return list(dict.fromkeys(unquote(u) for u in uris if u in still))
+        still = set(file_uris(self.json, "buffers", "images"))
+        uris = [u for u in file_uris(self.tree.json, "buffers", "images") if u in still]
+        return list(dict.fromkeys(map(unquote, uris)))
 
 
 def _image_views(tree: Json) -> set[int]:
@@ -282,14 +269,24 @@ def _image_views(tree: Json) -> set[int]:
     return {i["bufferView"] for i in tree.get("images", []) if "bufferView" in i}
 
 
-def _utf8(text: str) -> bytes:
-    """JSON text as bytes; halves of surrogate pairs become the escapes that JSON has for them."""
+def file_uris(tree: Json, *kinds: str) -> list[str]:
+    """The files that entries of some top-level lists name."""
+    uris = [entry.get("uri") for kind in kinds for entry in tree.get(kind, [])]
+    return [uri for uri in uris if isinstance(uri, str) and not uri.startswith("data:")]
+
+
+def _json_bytes(tree: Json, indent: int | str | None = None) -> bytes:
+    """A tree as text; halves of surrogate pairs become the escapes that JSON has for them."""
+    separators = (",", ":") if indent is None else None
+    text = json.dumps(
+        tree, ensure_ascii=False, indent=indent, separators=separators, allow_nan=False
+    )
     return text.encode("utf-8", "backslashreplace")
 
 
 def glb_bytes(tree: Json, body: bytes | None, rest: bytes = b"") -> bytes:
     """A GLB file: header, JSON chunk, binary chunk, further chunks."""
-    text = _utf8(json.dumps(tree, ensure_ascii=False, separators=(",", ":"), allow_nan=False))
+    text = _json_bytes(tree)
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
     if body is not None:
@@ -359,21 +356,16 @@ def accessor_spans(tree: Json, accessor: Json) -> list[Span]:
     return out
 
 
-def cut(tree: Json, body: bytes, gone: list[Span], shared: list[Json], fresh: list[Json]) -> bytes:
+def cut(tree: Json, body: bytes, gone: list[Span], shared: list[Json], stored: list[Json]) -> bytes:
     """Buffer 0 without the bytes that went, unless others lie over them; offsets follow, in place.
 
-    shared: views of which a part went. fresh: views that have no bytes yet. Whole words go, so that everything
-    behind them stays aligned.
+    shared: views of which a part went. stored: views that have bytes. Whole words go, so that everything behind
+    them stays aligned.
     """
-    partly, new = {id(v) for v in shared}, {id(v) for v in fresh}
     views = tree.get("bufferViews", [])
-    old = [v for v in views if id(v) not in new and v["buffer"] == 0]
-    images = _image_views(tree)
-    live = [
-        view_span(v)
-        for k, v in enumerate(views)
-        if id(v) not in new and (k in images or id(v) not in partly)
-    ]
+    partly, images = {id(v) for v in shared}, _image_views(tree)
+    whole = {id(v) for k, v in enumerate(views) if k in images or id(v) not in partly}
+    live = [view_span(v) for v in stored if id(v) in whole]
     inside = [
         a for a in tree.get("accessors", [])
         if any(id(views[x["bufferView"]]) in partly for x in _parts(a))
@@ -392,7 +384,9 @@ def cut(tree: Json, body: bytes, gone: list[Span], shared: list[Json], fresh: li
         if view is not None and a.get("byteOffset", 0):
             start = view.get("byteOffset", 0)
             a["byteOffset"] -= before(start + a["byteOffset"]) - before(start)
-    for v in old:
+    for v in stored:
+        if v["buffer"] != 0:
+            continue
         start, size = v.get("byteOffset", 0), v["byteLength"]
         if before(start):
             v["byteOffset"] = start - before(start)
@@ -443,6 +437,13 @@ def _words(spans: Iterable[Span], size: int, whole: bool) -> BoolArray:
     covered[size:] = covered[size - 1 : size].any()  # padding goes with the last byte
     words = covered.view(np.uint32)
     return words == 0x01010101 if whole else words > 0
+
+
+def lost_entries(old: Json, new: Json, kind: str, slots: Callable[[Json], Slots]) -> set[int]:
+    """The entries of a list of a tree that lost their last user since ``old``, and new ones without a user."""
+    before, now = ({holder[key] for holder, key in slots(tree)} for tree in (old, new))
+    added = range(len(old.get(kind, [])), len(new.get(kind, [])))
+    return before.union(added) - now
 
 
 def close_gaps(

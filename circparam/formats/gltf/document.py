@@ -15,9 +15,16 @@ from circparam.core.arrays import relabel, unit
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.document import FIRST_UDIM, GROUPINGS, Document, Encoded, Named, WriteOptions
+from circparam.formats.document import (
+    GROUPINGS,
+    Document,
+    Encoded,
+    Named,
+    WriteOptions,
+    numbered_pages,
+)
 from circparam.formats.gltf import materials, scene
-from circparam.formats.gltf.buffers import short_views
+from circparam.formats.gltf.buffers import file_uris, short_views
 from circparam.formats.gltf.editing import TreeEdit, file_uv, join_primitives, stored_uv
 from circparam.formats.gltf.reading import (
     COMPRESSED,
@@ -27,6 +34,7 @@ from circparam.formats.gltf.reading import (
     Primitive,
     Tree,
     drop_compressed_copies,
+    of_faces,
     sound_tree,
 )
 from circparam.formats.looks import Looks
@@ -78,13 +86,9 @@ class GltfDocument(Document):
         of_pool = [[p for p in self.primitives if p.pool == k] for k in range(len(self.pools))]
         return [users for users in of_pool if users]
 
-    def of_faces(self, values: Sequence[int]) -> IntArray:
-        """(m,) of values of the primitives that of each face."""
-        return np.repeat(np.array(values, np.int64), [len(p.triangles) for p in self.primitives])
-
     def instance_transforms(self) -> list[tuple[IntArray, FloatArray]]:
         """The meshes that further nodes show, where those put them."""
-        mesh = self.of_faces([p.mesh for p in self.primitives])
+        mesh = of_faces(self.primitives, [p.mesh for p in self.primitives])
         return [(np.flatnonzero(mesh == shown), matrix) for shown, matrix in self.again]
 
     def uv(self, uv_set: int = 0) -> UVMap | None:
@@ -115,7 +119,7 @@ class GltfDocument(Document):
         """(m,) label of each face by primitive, mesh or scene."""
         if kind in ("primitive", "mesh"):
             of = [k if kind == "primitive" else p.mesh for k, p in enumerate(self.primitives)]
-            return relabel(self.of_faces(of))[1]
+            return relabel(of_faces(self.primitives, of))[1]
         return super().labels(kind)
 
     def named(self, kind: str) -> Named | None:
@@ -128,7 +132,7 @@ class GltfDocument(Document):
                 of = [p.mesh for p in self.primitives]
                 meshes = scene.entry_names(self.tree, "meshes", of)
                 names = meshes if kind == "group" else scene.node_names(self.tree)
-        return Named(self.of_faces(of), names) if names else None
+        return Named(of_faces(self.primitives, of), names) if names else None
 
     def colours(self) -> FloatArray | None:
         """COLOR_0 of the vertices."""
@@ -147,16 +151,13 @@ class GltfDocument(Document):
         rows = np.zeros((len(self.mesh.points), 3))
         for part, value, matrix in self._directions("NORMAL", 3):
             rows[part] = scene.times(value, np.linalg.pinv(matrix))
-        rows = unit(rows)
-        return rows[self.mesh.faces]
+        return unit(rows)[self.mesh.faces]
 
     def tangents(self) -> FloatArray | None:
         """TANGENT of the vertices, turned into the world."""
         rows = np.full((len(self.mesh.points), 4), np.nan)
         for part, value, matrix in self._directions("TANGENT", 4):
-            turned = scene.times(value[:, :3], matrix.T)
-            length = np.linalg.norm(turned, axis=1, keepdims=True)
-            rows[part] = np.c_[turned / np.maximum(length, 1e-300), value[:, 3]]
+            rows[part] = np.c_[unit(scene.times(value[:, :3], matrix.T)), value[:, 3]]
         return None if np.isnan(rows).all() else rows[self.mesh.faces]
 
     def _directions(self, name: str, width: int) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
@@ -209,8 +210,7 @@ class GltfDocument(Document):
             edit = TreeEdit(self.tree)
             if self.carried is not None:
                 edit.dress(self.primitives, self.carried)
-            store_grouping(edit.json, number, options.group_by)
-            store_pages(edit.json, number, options.pages)
+            store_layout(edit.json, number, options.group_by, options.pages)
             vertices, notes = self._put_uv(edit, uvmap, number)
             blocks = join_primitives(edit, self.primitives, edit.merged)
             joined = sum(len(block) for block in blocks if len(block) > 1)
@@ -263,7 +263,10 @@ class GltfDocument(Document):
     def textured_sets(self) -> set[int]:
         """The uv sets that textures refer to: those of materials, and of extensions of materials and faces."""
         with sound_tree(self.source, "a material"):
-            return materials.texture_sets([self.tree.json.get(k) for k in ("materials", "meshes")])
+            infos = materials.texture_infos(
+                [self.tree.json.get(k) for k in ("materials", "meshes")]
+            )
+            return {materials.uv_set_of(info) for k, info in infos if k.lower().endswith("texture")}
 
     def flaws(self) -> list[str]:
         """Views that end inside their last row: three.js and assimp refuse such a file."""
@@ -278,8 +281,7 @@ class GltfDocument(Document):
         """The buffers that lie beside the file; a GLB holds its own."""
         if format != "gltf":
             return []
-        uris = [b.get("uri") for b in self.tree.json.get("buffers", [])]
-        return [unquote(u) for u in uris if isinstance(u, str) and not u.startswith("data:")]
+        return [unquote(uri) for uri in file_uris(self.tree.json, "buffers")]
 
 
 def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocument:
@@ -303,8 +305,7 @@ def read_gltf(data: bytes, source: Source, unshare: bool = False) -> GltfDocumen
         order = list(dict.fromkeys(used))
         groups, names = None, list[str]()
         if len(order) > 1:
-            label = [order.index(k) for k in used]
-            groups = np.repeat(label, [len(p.triangles) for p in primitives])
+            groups = of_faces(primitives, [order.index(k) for k in used])
             known = [tree.item("materials", k) if k >= 0 else {"name": ""} for k in order]
             names = [str(m.get("name", f"material_{k}")) for k, m in zip(order, known, strict=True)]
         sets = {int(k[9:]) for p in pools for k in p.attributes if k[:9] == "TEXCOORD_"}
@@ -339,16 +340,13 @@ def features_of(tree: Tree) -> tuple[str, ...]:
     return tuple(k for k, there in has.items() if there)
 
 
-def store_grouping(tree: Json, uv_set: int, kind: str | None) -> None:
-    """Store the owner of an atlas of a uv set in a tree, in place; None, one atlas, needs no entry."""
+def store_layout(tree: Json, uv_set: int, kind: str | None, pages: Sequence[str]) -> None:
+    """Store the owner of an atlas of a uv set, and the names of its pages, in a tree, in place.
+
+    kind: None, one atlas, needs no entry. pages: stored as {"1001": "steel", "1002": "paint"}.
+    """
     _store(tree, "group_by", uv_set, kind if kind in GROUPINGS else None)
-
-
-def store_pages(tree: Json, uv_set: int, names: Sequence[str]) -> None:
-    """Store the names of the pages of a uv set in a tree, in place, as {"1001": "steel", "1002": "paint"}."""
-    _store(
-        tree, "pages", uv_set, {str(FIRST_UDIM + k): name for k, name in enumerate(names)} or None
-    )
+    _store(tree, "pages", uv_set, numbered_pages(pages) or None)
 
 
 def _store(tree: Json, key: str, uv_set: int, value: Any) -> None:

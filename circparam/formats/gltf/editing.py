@@ -9,13 +9,13 @@ import copy
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.gltf.buffers import Packing, close_gaps
+from circparam.formats.gltf.buffers import Packing, Slots, close_gaps, lost_entries
 from circparam.formats.gltf.materials import (
     TRANSFORM,
     VARIANTS,
@@ -27,7 +27,7 @@ from circparam.formats.gltf.materials import (
     uv_set_of,
 )
 from circparam.formats.gltf.reading import COMPONENTS, TRIANGLES, Json, Pool, Primitive
-from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
+from circparam.formats.gltf.scene import local_tangents, mesh_matrices
 from circparam.formats.looks import Carried, Group
 from circparam.formats.vertex_split import Split
 
@@ -100,20 +100,57 @@ class TreeEdit(Packing):
         return len(users) if lost else 0
 
     def dress(self, primitives: list[Primitive], carried: Carried) -> None:
-        """Let the materials show carried images in place of theirs."""
-        entries = [(p, p.entry(self.json)) for p in primitives]
-        default = len(self.json.get("materials", []))
-        self.keeps = frozenset(
-            (p.mesh, p.number) for p, e in entries if e.get("material", default) in carried.kept
-        )
-        sets = [int(k[9:]) for _, e in entries for k in e["attributes"] if k[:9] == "TEXCOORD_"]
+        """Let the materials show carried images in place of theirs; the first edit of a tree.
+
+        Materials that became one are one; textures, images and samplers without a user are gone.
+        """
+        old, new = self.tree.json, self.json
+        known = materials_of(new)
+        used = [(p, material_number(old, p, len(known) - 1)) for p in primitives]
+        names = [name for p in primitives for name in p.entry(new)["attributes"]]
+        sets = [int(name[9:]) for name in names if name[:9] == "TEXCOORD_"]
         self.kept_set = max([carried.uv_set, *sets]) + 1
-        self.json, pages = redressed(self.json, primitives, carried, self.kept_set)
-        self.images = {number: carried.pages[page] for number, page in pages.items()}
-        self.image_files = carried.files or {}
-        self.new_tangents = carried.tangents
+        self.keeps = frozenset((p.mesh, p.number) for p, k in used if k in carried.kept)
         one = {k for group in carried.groups if len(group.members) > 1 for k in group.members}
-        self.merged = [k for k, (_, e) in enumerate(entries) if e.get("material", default) in one]
+        self.merged = [i for i, (_, k) in enumerate(used) if k in one]
+        self.new_tangents, self.image_files = carried.tangents, carried.files or {}
+        samplers, images, textures = (
+            new.setdefault(kind, []) for kind in ("samplers", "images", "textures")
+        )
+        samplers.append({"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071})
+        first_image, texture = len(images), {}
+        for page in carried.pages:
+            texture[page] = len(textures)
+            textures.append({"sampler": len(samplers) - 1, "source": len(images)})
+            images.append({"name": page, "mimeType": "image/png"})
+        leads = {member: group for group in carried.groups for member in group.members}
+        changed: dict[int, Json] = {}
+        for p, k in used:
+            lead = leads[k].members[0]
+            if lead not in changed:
+                changed[lead] = (
+                    _moved_aside(known[lead], carried.uv_set, self.kept_set)
+                    if lead in carried.kept
+                    else _dressed(known[lead], leads[k], texture, carried.uv_set)
+                )
+            if changed[lead] != {}:
+                p.entry(new)["material"] = lead
+        new["materials"] = [changed.get(k, material) for k, material in enumerate(known)]
+        number: dict[int, int] = {}  # of images, the last kind that loses its users
+        for kind, users in _USERS.items():
+            number = close_gaps(new[kind], lost_entries(old, new, kind, users), users(new))
+            if not new[kind]:
+                del new[kind]
+        self.images = {
+            number[first_image + i]: data for i, data in enumerate(carried.pages.values())
+        }
+        # extensions of textures that nothing uses any more leave the lists
+        text = json.dumps({k: new.get(k) for k in ("materials", "textures")})
+        for key in {"extensionsUsed", "extensionsRequired"} & new.keys():
+            kinds = ("KHR_texture", "EXT_texture", "MSFT_texture")
+            new[key] = [n for n in new[key] if not n.startswith(kinds) or f'"{n}"' in text]
+            if not new[key]:
+                del new[key]
 
     def tangents(self, users: list[Primitive], split: Split, new_tangents: FloatArray) -> None:
         """TANGENT of primitives with normals: those of corners (c, 4) in the world; the last of a vertex
@@ -122,10 +159,8 @@ class TreeEdit(Packing):
         kept = any((p.mesh, p.number) in self.keeps for p in users)
         if kept or not all("NORMAL" in entry["attributes"] for entry in entries):
             return
-        whole = mesh_matrices(self.tree)[users[0].mesh][:3, :3]
-        local = unit_rows(times(new_tangents[:, :3], np.linalg.pinv(whole).T))
         rows = np.tile([1.0, 0.0, 0.0, 1.0], (len(split.source), 1))
-        rows[split.corner] = np.c_[local, new_tangents[:, 3]]
+        rows[split.corner] = local_tangents(new_tangents, mesh_matrices(self.tree)[users[0].mesh])
         new = self.array(rows)
         for entry in entries:
             entry["attributes"]["TANGENT"] = new
@@ -263,65 +298,14 @@ def _concatenated(edit: Packing, numbers: tuple[int, ...]) -> int:
     return edit.accessor(entry, np.concatenate([edit.rows(k) for k in numbers]))
 
 
-def redressed(
-    tree: Json, primitives: list[Primitive], carried: Carried, kept_set: int = 0
-) -> tuple[Json, dict[int, str]]:
-    """A copy of a tree whose triangles show carried images: (tree, page of each of its new images).
-
-    Materials that became one are one; textures, images and samplers without a user are gone.
-    """
-    out = copy.deepcopy(tree)
-    known = materials_of(out)
-    default = len(known) - 1
-    out["samplers"] = [
-        *out.get("samplers", []),
-        {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071},
-    ]
-    images, number = {}, {}
-    for page in carried.pages:
-        images[len(out.setdefault("images", []))] = page
-        out["images"].append({"name": page, "mimeType": "image/png"})
-        number[page] = len(out.setdefault("textures", []))
-        out["textures"].append(
-            {"sampler": len(out["samplers"]) - 1, "source": len(out["images"]) - 1}
-        )
-    first = {member: group for group in carried.groups for member in group.members}
-    changed = {}
-    for p in primitives:
-        entry = p.entry(out)
-        group = first[material_number(tree, p, default)]
-        lead = group.members[0]
-        if lead not in changed:
-            changed[lead] = _dressed(known[lead], group, number, carried.uv_set)
-            if lead in carried.kept:  # its textures move to a uv set of their own
-                changed[lead] = copy.deepcopy(known[lead])
-                for _, info in texture_infos(changed[lead]):
-                    if uv_set_of(info) == carried.uv_set:
-                        transform = info.get("extensions", {}).get(TRANSFORM, {})
-                        (transform if "texCoord" in transform else info)["texCoord"] = kept_set
-        if changed[lead] != {}:
-            entry["material"] = lead
-    out["materials"] = [changed.get(k, material) for k, material in enumerate(known)]
-    # entries that lost their last user go; those that never had one stay
-    final: dict[int, int] = {}
-    for kind, users in _USERS.items():
-        spare = set(range(len(tree.get(kind, [])))) - {int(c[key]) for c, key in users(tree)}
-        entries, slots = out.setdefault(kind, []), users(out)
-        used = {int(container[key]) for container, key in slots} | spare
-        final = close_gaps(entries, set(range(len(entries))) - used, slots)
-        if not entries:
-            out.pop(kind)
-    # extensions of textures that nothing uses any more leave the lists
-    text = json.dumps({k: out.get(k) for k in ("materials", "textures")})
-    for key in ("extensionsUsed", "extensionsRequired"):
-        kinds = ("KHR_texture", "EXT_texture", "MSFT_texture")
-        left = [n for n in out.get(key, []) if not n.startswith(kinds) or f'"{n}"' in text]
-        if key in out:
-            out[key] = left
-            if not left:
-                out.pop(key)
-    images = {final[k]: page for k, page in images.items()}
-    return out, images
+def _moved_aside(material: Json, uv_set: int, kept_set: int) -> Json:
+    """A material that keeps its textures, those of a uv set in another one."""
+    out = copy.deepcopy(material)
+    for _, info in texture_infos(out):
+        if uv_set_of(info) == uv_set:
+            transform = info.get("extensions", {}).get(TRANSFORM, {})
+            (transform if "texCoord" in transform else info)["texCoord"] = kept_set
+    return out
 
 
 def _dressed(material: Json, group: Group, texture: dict[str, int], uv_set: int) -> Json:
@@ -342,9 +326,6 @@ def _dressed(material: Json, group: Group, texture: dict[str, int], uv_set: int)
     if out.get("alphaMode") == "MASK" and group.cutoff != out.get("alphaCutoff", 0.5):
         out["alphaCutoff"] = group.cutoff
     return out
-
-
-Slots: TypeAlias = list[tuple[Json, str]]
 
 
 def _material_users(tree: Json) -> Slots:

@@ -20,7 +20,7 @@ from circparam.formats.document import (
     y_up,
 )
 from circparam.formats.gltf.buffers import Packing
-from circparam.formats.gltf.document import store_grouping, store_pages
+from circparam.formats.gltf.document import store_layout
 from circparam.formats.gltf.editing import file_uv, stored_uv
 from circparam.formats.gltf.reading import Json, Tree
 from circparam.formats.gltf.scene import unit_rows
@@ -159,8 +159,8 @@ def to_gltf(
         for material in shown.materials:
             material["pbrMetallicRoughness"].get("baseColorTexture", {})["texCoord"] = 1
     edit = _bare_tree(document, shown.materials)
-    store_grouping(edit.json, 0, exported_grouping(document, options.group_by))
-    store_pages(edit.json, 0, options.pages)
+    grouping = exported_grouping(document, options.group_by)
+    store_layout(edit.json, 0, grouping, options.pages)
     if at.any():
         edit.json["nodes"][0]["translation"] = at.tolist()
     named = {"POSITION": edit.array(points[split.source], bounds=True)}

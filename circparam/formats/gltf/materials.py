@@ -15,7 +15,7 @@ import numpy as np
 
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
-from circparam.formats.gltf.reading import Json, Primitive, Tree
+from circparam.formats.gltf.reading import Json, Primitive, Tree, of_faces
 from circparam.formats.looks import Looks, Material, Slot, Use, Wrap
 from circparam.formats.materials import ImageFiles, Textures, srgb, tint, upwards
 
@@ -162,13 +162,15 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
     for p in primitives:
         entry = p.entry(tree.json)
         material = tree.item("materials", entry["material"]) if "material" in entry else {}
-        pbr = _base_colour(material)
-        texture = pbr.get("baseColorTexture")
+        # Sketchfab's exports keep it in KHR_materials_pbrSpecularGlossiness, the last of PLACES
+        place, holder = [x for x in places_of(material) if x[0].slot.covers][-1]
+        texture = holder.get(place.texture)
         image = -1 if texture is None else files.of(tree.item("textures", texture["index"]))
         if texture is not None and image >= 0:
-            image = files.moved(image, affine(_moved(texture)))
+            image = files.moved(image, upwards(uv_transform(_moved(texture))))
             sets.append(uv_set_of(texture))
-        factor = np.array(pbr.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), float)
+        ((key, white),) = place.factors
+        factor = np.array(holder.get(key, white), float)
         tints.append(tint(str(material.get("name", entry.get("material"))), factor, image >= 0))
         faces.append(np.full(len(p.triangles), image))
         plain.append(np.tile(srgb(factor[:3]), (len(p.triangles), 1)))
@@ -180,34 +182,6 @@ def textures(tree: Tree, primitives: list[Primitive]) -> Textures | None:
         files.notes.append(f"textures refer to several uv sets: all are read with set {uv_set}")
     found = files.textures(np.concatenate(faces).astype(np.int64), colour, uv_set)
     return replace(found, tints=tuple(dict.fromkeys(filter(None, tints))))
-
-
-def affine(moved: Json) -> FloatArray:
-    """(2, 3) the effect of KHR_texture_transform on uv with v upwards: scaled, turned, then shifted.
-
-    The example of the extension, the lower left quadrant turned by 90°, tells the direction.
-    """
-    return upwards(uv_transform(moved))
-
-
-def _base_colour(material: Json) -> Json:
-    """Texture and factor of a material's base colour, by today's names.
-
-    Older exports, Sketchfab's among them, keep both in KHR_materials_pbrSpecularGlossiness, which comes first
-    where a reader knows it.
-    """
-    gloss = material.get("extensions", {}).get(GLOSS)
-    if gloss is None:
-        return material.get("pbrMetallicRoughness", {})
-    names = {"diffuseTexture": "baseColorTexture", "diffuseFactor": "baseColorFactor"}
-    return {names[key]: value for key, value in gloss.items() if key in names}
-
-
-def texture_sets(entries: Any) -> set[int]:
-    """The uv sets that texture infos anywhere in a tree refer to."""
-    return {
-        uv_set_of(info) for key, info in texture_infos(entries) if key.lower().endswith("texture")
-    }
 
 
 def _moved(info: Json) -> Json:
@@ -235,7 +209,7 @@ def read_looks(tree: Tree, primitives: list[Primitive]) -> Looks:
         for k, entry in enumerate(entries)
     )
     _check_carried(tree, primitives)
-    face = np.repeat(np.array(used, np.int64), [len(p.triangles) for p in primitives])
+    face = of_faces(primitives, used)
     return Looks(tuple(files.images), tuple(files.names), materials, face)
 
 
@@ -345,7 +319,10 @@ class _Images(ImageFiles):
 
 def uv_transform(moved: Json) -> FloatArray:
     """(2, 3) the map of KHR_texture_transform: scale, then a turn that is counter-clockwise to the eye, then
-    the offset; v points down."""
+    the offset; v points down.
+
+    The example of the extension, the lower left quadrant turned by 90°, tells the direction.
+    """
     turn = float(moved.get("rotation", 0.0))
     (sx, sy), (ox, oy) = moved.get("scale", (1.0, 1.0)), moved.get("offset", (0.0, 0.0))
     c, s = np.cos(turn), np.sin(turn)

@@ -7,7 +7,7 @@ from circparam.core.types import FloatArray
 from circparam.formats.gltf.buffers import Packing
 from circparam.formats.gltf.document import GltfDocument, read_gltf
 from circparam.formats.gltf.reading import Primitive, sound_tree
-from circparam.formats.gltf.scene import mesh_matrices, times, unit_rows
+from circparam.formats.gltf.scene import local_tangents, mesh_matrices, times, unit_rows
 from circparam.formats.source import Source
 
 
@@ -106,20 +106,18 @@ def with_frames(glb: bytes, source: Source, normal: FloatArray, tangent: FloatAr
     glTF.
     """
     document = read_gltf(glb, source)
-    rows = np.tile([0.0, 0, 1, 1, 0, 0, 1], (len(document.mesh.points), 1))
-    frames = np.concatenate([normal.reshape(-1, 3), tangent.reshape(-1, 4)], 1)
-    rows[document.mesh.faces.ravel()] = frames
+    corner, n = document.mesh.faces.ravel(), len(document.mesh.points)
+    normals, tangents = np.tile([0.0, 0.0, 1.0], (n, 1)), np.tile([1.0, 0.0, 0.0, 1.0], (n, 1))
+    normals[corner], tangents[corner] = normal.reshape(-1, 3), tangent.reshape(-1, 4)
     edit = Packing(document.tree)
     with sound_tree(source):
         matrix = mesh_matrices(document.tree)
         for users in document.users():
             pool = document.pools[users[0].pool]
-            part = rows[pool.part]
-            whole = matrix[users[0].mesh][:3, :3]
-            along = unit_rows(times(part[:, 3:6], np.linalg.pinv(whole).T))
-            new = {"TANGENT": edit.array(np.c_[along, part[:, 6]])}
+            place = matrix[users[0].mesh]
+            new = {"TANGENT": edit.array(local_tangents(tangents[pool.part], place))}
             if "NORMAL" not in pool.attributes:
-                new["NORMAL"] = edit.array(unit_rows(times(part[:, :3], whole)))
+                new["NORMAL"] = edit.array(unit_rows(times(normals[pool.part], place[:3, :3])))
             for p in users:
                 p.entry(edit.json)["attributes"] |= new
         data, _, _ = edit.finish("glb", "")

@@ -5,7 +5,7 @@ import binascii
 import json
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -48,7 +48,6 @@ class Primitive:
     mesh: int
     number: int
     pool: int
-    mode: int
     triangles: IntArray
     first: int
     turned: bool = False
@@ -61,6 +60,11 @@ class Primitive:
     def entry(self, tree: Json) -> Json:
         """Its entry in a tree, or in a copy of it."""
         return tree["meshes"][self.mesh]["primitives"][self.number]
+
+
+def of_faces(primitives: Sequence[Primitive], values: Sequence[int]) -> IntArray:
+    """(m,) the value of the primitive of each face."""
+    return np.repeat(np.array(values, np.int64), [len(p.triangles) for p in primitives])
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,9 +168,7 @@ def read_meshes(
                 triangles = triangles[:, ::-1]
             if len(triangles):
                 first = primitives[-1].faces.stop if primitives else 0
-                primitives.append(
-                    Primitive(mesh, number, known[key], mode, triangles, first, turned)
-                )
+                primitives.append(Primitive(mesh, number, known[key], triangles, first, turned))
     if not primitives:
         raise tree.error("it has no triangles: there is nothing to unwrap")
     return np.concatenate(points), primitives, pools, notes
@@ -196,6 +194,12 @@ def unit_rows(
     """Vectors of length 1; ``instead`` where there is no direction, since glTF allows no other length."""
     length = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.where(length > 0, rows / np.maximum(length, 1e-300), instead)
+
+
+def local_tangents(tangents: FloatArray, matrix: FloatArray) -> FloatArray:
+    """TANGENT (n, 4) of a mesh with a (4, 4) world transform, from tangents in the world."""
+    turned = times(tangents[:, :3], np.linalg.pinv(matrix[:3, :3]).T)
+    return np.c_[unit_rows(turned), tangents[:, 3]]
 
 
 def triangles_of(index: IntArray, mode: int) -> IntArray:

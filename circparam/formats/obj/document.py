@@ -30,7 +30,7 @@ from circparam.formats.obj import materials
 from circparam.formats.obj.reading import Scan
 from circparam.formats.polygons import Polygons, triangulate
 from circparam.formats.source import Source
-from circparam.formats.tokens import SLASH, as_bytes, digits, interleave, splice
+from circparam.formats.tokens import SLASH, ByteArray, as_bytes, digits, interleave, splice
 from circparam.mesh.mesh import UVMap
 
 # comments on lines of their own: the owner of an atlas, and a page of a layout
@@ -46,10 +46,6 @@ class ObjDocument(Document):
     scan: Scan = field(kw_only=True)
     polys: Polygons = field(kw_only=True)
     corner_vt: IntArray = field(kw_only=True)
-
-    def polygons(self) -> Polygons:
-        """The faces of the file."""
-        return self.polys
 
     @cached_property
     def texture_points(self) -> FloatArray:
@@ -129,8 +125,7 @@ class ObjDocument(Document):
         lost = "l and surf elements lost their vt: they named points of the old uv set"
         notes = [lost] if len(element_edits(self.scan)) else []
         assets, extra = self.scan.libraries(), dict[str, bytes]()
-        found = None if self.carried is None else self.looks()
-        if self.carried is not None and found is not None:
+        if self.carried is not None and (found := self.looks()) is not None:
             assets = []
             data, extra = materials.redressed(
                 data, self.scan, self.source, found, self.carried, stem
@@ -233,12 +228,10 @@ def with_uv(
     where = min([int(t.line_start[scan.face_lines[0]]), *t.line_start[old[:1]].tolist()])
     # edits after which every corner names the given vt (from 0; −1: none)
     _, start, end = scan.cuts
-    text, length = digits(np.maximum(corner, 0) + 1, b"/")
+    text, length = vt_fields(corner)
     none = corner < 0
     if none.any():  # a corner without uv keeps "//" only where a normal follows
-        keep = np.repeat(~none, length)
         normal = none & (scan.tokens.clean[end] == SLASH)
-        text, length = text[keep], np.where(none, 0, length)
         first = np.cumsum(length) - length
         text = np.insert(text, first[normal], SLASH)
         length = length + normal
@@ -254,6 +247,13 @@ def vt_lines(uv: FloatArray, newline: str) -> bytes:
     """One vt line for each uv, with the shortest digits that read back to the same numbers."""
     u, v = uv[:, 0].tolist(), uv[:, 1].tolist()
     return "".join([f"vt {a!r} {b!r}{newline}" for a, b in zip(u, v, strict=True)]).encode()
+
+
+def vt_fields(corner: IntArray) -> tuple[ByteArray, IntArray]:
+    """The vt fields of corners (L,): (text, (L,) length of each, 0 for a corner without uv)."""
+    text, length = digits(np.maximum(corner, 0) + 1, b"/")
+    has = corner >= 0
+    return (text, length) if has.all() else (text[np.repeat(has, length)], np.where(has, length, 0))
 
 
 def compact(corner: IntArray, count: int) -> tuple[IntArray, IntArray]:
@@ -289,10 +289,7 @@ def to_obj(document: Document, uvmap: UVMap, options: WriteOptions, stem: str = 
     points = "".join([f"v {x!r} {y!r} {z!r}\n" for x, y, z in document.mesh.points.tolist()])
     size = np.diff(polys.start)
     v, v_size = digits(polys.corners + 1, b" ")
-    t, t_size = digits(np.maximum(corner, 0) + 1, b"/")
-    if (corner < 0).any():
-        t, t_size = t[np.repeat(corner >= 0, t_size)], np.where(corner < 0, 0, t_size)
-    text, length = interleave([(v, v_size), (t, t_size)])
+    text, length = interleave([(v, v_size), vt_fields(corner)])
     of_corner = np.repeat(np.arange(len(size)), size)
     per_face = np.bincount(of_corner, length, len(size)).astype(np.int64)
     head = np.full(len(size), 1)

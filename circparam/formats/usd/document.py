@@ -20,9 +20,9 @@ from circparam.formats.usd.stage import (
     PACKAGE,
     TEXT,
     Files,
+    add_references,
     kind_of,
     opened,
-    referred,
     silent,
 )
 from circparam.formats.usd.writing import Layer
@@ -76,10 +76,6 @@ class UsdDocument(Document):
         """(m,) label of each face by part of a material, mesh or scene."""
         return self.prim if kind == "mesh" else super().labels(kind)
 
-    def polygons(self) -> Polygons:
-        """The faces of all meshes."""
-        return self.polys
-
     def needs(self, format: str) -> list[str]:
         """The layers that the output refers to, this one too."""
         if format not in USD_KINDS or format == PACKAGE or self.path is None:
@@ -110,9 +106,9 @@ class UsdDocument(Document):
         if format == PACKAGE:
             data, files = layer.packaged(stem, files), []
         elif path is None or not stem or same:
-            data = layer.copied(format)
+            data = layer.written(format)
         else:
-            data, files = layer.over(path.name, format), [path.name, *files]
+            data, files = layer.written(format, path.name), [path.name, *files]
         needed = [f for f in files if f not in self.assets]
         warnings = []
         if self.outside:
@@ -133,8 +129,8 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
     Raises InputError if usd-core is missing, where it can't open the file, and where there are no meshes.
     """
     kind = kind_of(data)
-    with opened(data, source) as stage:
-        found = Files() if kind == PACKAGE else _references(stage, source)
+    with opened(data, source) as (stage, below):
+        found = Files() if kind == PACKAGE else _references(stage, below, source)
         composed = read_stage(stage, source)
         del stage
     folder = source.folder or Path()
@@ -183,11 +179,10 @@ def read_usd(data: bytes, source: Source) -> UsdDocument:
     )  # fmt: skip
 
 
-def _references(stage: Any, source: Source) -> Files:
+def _references(stage: Any, found: Files, source: Source) -> Files:
     """The files that a stage refers to. Raises InputError if these are layers and it came without a folder."""
     with silent():
-        found = referred(Path(stage.GetRootLayer().realPath), source)
-    found.opened.clear()  # USD hands out the same layer as long as somebody holds it
+        add_references(found, Path(stage.GetRootLayer().realPath).resolve())
     if source.path is not None:
         return found
     suffixes = (".usd", ".usda", ".usdc", ".usdz")

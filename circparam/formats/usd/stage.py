@@ -76,11 +76,10 @@ def composed_of(path: Path, source: Source) -> Files:
     return found
 
 
-def referred(path: Path, source: Source) -> Files:
-    """The layers below a file, and all other files that they name. Raises as ``composed_of``."""
+def add_references(found: Files, root: Path) -> None:
+    """Find the other files that the layers below a file name, in place. The layers are still open."""
     from pxr import Ar, Sdf, UsdUtils
 
-    root, found = path.resolve(), composed_of(path, source)
     known = {root, *found.layers}
     context = Ar.GetResolver().CreateDefaultContextForAsset(str(root))
     with Ar.ResolverContextBinder(context):
@@ -101,7 +100,6 @@ def referred(path: Path, source: Source) -> Files:
                         found.outside.append(real)
                     elif name not in found.missing:
                         found.missing.append(name)
-    return found
 
 
 def _checked(layer: Any, name: str, root: Path, source: Source) -> str:
@@ -235,8 +233,8 @@ def silent() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def opened(data: bytes, source: Source) -> Iterator[Any]:
-    """The composed stage of a file, or of bytes that came without one.
+def opened(data: bytes, source: Source) -> Iterator[tuple[Any, Files]]:
+    """The composed stage of a file, or of bytes that came without one, and its layers.
 
     Raises InputError if usd-core is missing or cannot open it, and where a layer is no regular file inside
     the file's folder. Nothing of the stage may be kept: USD hands out the same layer as long as somebody holds
@@ -253,15 +251,17 @@ def opened(data: bytes, source: Source) -> Iterator[Any]:
             path.write_bytes(data)
         try:
             with silent():
-                layers = composed_of(path, source).opened
+                found = composed_of(path, source)
                 stage = Usd.Stage.Open(str(path.resolve()))
         except (Tf.ErrorException, UnicodeDecodeError) as error:
             said = "a name in it is not UTF-8"
             with contextlib.suppress(UnicodeDecodeError):  # errors of USD quote the file
                 said = " ".join(str(error).split("--")[-1].split())[:160]
             raise source.error(f"USD can't open it ({said})") from None
-        del layers
-        yield stage
+        try:
+            yield stage, found
+        finally:
+            found.opened.clear()
 
 
 def layer_bytes(layer: Any, kind: str) -> bytes:

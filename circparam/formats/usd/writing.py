@@ -9,7 +9,7 @@ import numpy as np
 
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
-from circparam.formats.document import FIRST_UDIM, Document, Encoded, WriteOptions, not_carried
+from circparam.formats.document import Document, Encoded, WriteOptions, not_carried, numbered_pages
 from circparam.formats.source import Source
 from circparam.formats.usd.reading import MeshPrim
 from circparam.formats.usd.stage import (
@@ -44,30 +44,33 @@ class Layer:
     corner: IntArray
     pages: tuple[str, ...] = ()
 
-    def over(self, below: str, kind: str) -> bytes:
-        """A layer with the uv alone over a file. Stage metadata of the root layer stand in both."""
+    def written(self, kind: str, below: str = "") -> bytes:
+        """A layer that says the uv: one over the file ``below``, or else a copy of the root layer.
+
+        Stage metadata of the root layer stand in both.
+        """
         from pxr import Sdf
 
         layer = Sdf.Layer.CreateAnonymous(f".{kind}")
-        with opened(self.data, self.source) as stage:
-            root = stage.GetRootLayer().pseudoRoot
-            # USD lists them in another order in each process
-            for key in sorted(root.ListInfoKeys()):
-                if key not in NOT_COPIED:
-                    layer.pseudoRoot.SetInfo(key, root.GetInfo(key))
+        with opened(self.data, self.source) as (stage, _):
+            root = stage.GetRootLayer()
+            if below:
+                layer.subLayerPaths.append(f"./{below}")
+                # USD lists them in another order in each process
+                for key in sorted(set(root.pseudoRoot.ListInfoKeys()) - NOT_COPIED):
+                    layer.pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
+            else:
+                layer.TransferContent(root)
             del stage, root
-        layer.subLayerPaths.append(f"./{below}")
-        return self._written(layer, kind)
-
-    def copied(self, kind: str) -> bytes:
-        """A copy of the root layer that says the uv itself."""
-        from pxr import Sdf
-
-        layer = Sdf.Layer.CreateAnonymous(f".{kind}")
-        with opened(self.data, self.source) as stage:
-            layer.TransferContent(stage.GetRootLayer())
-            del stage
-        return self._written(layer, kind)
+        name_pages(layer, self.pages)
+        with Sdf.ChangeBlock():
+            for path in dict.fromkeys(p for prim in self.prims for p in prim.instances):
+                Sdf.CreatePrimInLayer(layer, path).SetInfo("instanceable", False)
+            first = np.cumsum([len(prim.corners) for prim in self.prims])[:-1]
+            for prim, corner in zip(self.prims, np.split(self.corner, first), strict=True):
+                spec = Sdf.CreatePrimInLayer(layer, prim.path)
+                write_primvar(spec, self.name, self.uv, corner)
+        return layer_bytes(layer, kind)
 
     def packaged(self, stem: str, names: list[str]) -> bytes:
         """A usdz: the layer with uv first, then the files of the package, or the file and its references."""
@@ -82,21 +85,7 @@ class Layer:
         name = f"{stem or 'uv'}.{CRATE}"
         while name in files:
             name = f"{Path(name).stem}_uv.{CRATE}"
-        return package_bytes({name: self.over(below, CRATE)} | files)
-
-    def _written(self, layer: Any, kind: str) -> bytes:
-        """The layer with the uv of every mesh, and the names of the pages."""
-        from pxr import Sdf
-
-        name_pages(layer, self.pages)
-        with Sdf.ChangeBlock():
-            for path in dict.fromkeys(p for prim in self.prims for p in prim.instances):
-                Sdf.CreatePrimInLayer(layer, path).SetInfo("instanceable", False)
-            first = np.cumsum([len(prim.corners) for prim in self.prims])[:-1]
-            for prim, corner in zip(self.prims, np.split(self.corner, first), strict=True):
-                spec = Sdf.CreatePrimInLayer(layer, prim.path)
-                write_primvar(spec, self.name, self.uv, corner)
-        return layer_bytes(layer, kind)
+        return package_bytes({name: self.written(CRATE, below)} | files)
 
 
 def name_pages(layer: Any, names: Sequence[str]) -> None:
@@ -108,7 +97,7 @@ def name_pages(layer: Any, names: Sequence[str]) -> None:
         return
     own.pop("pages", None)
     if names:
-        own["pages"] = {str(FIRST_UDIM + k): name for k, name in enumerate(names)}
+        own["pages"] = numbered_pages(names)
     layer.customLayerData = {**data, **({"circparam": own} if own else {})}
 
 

@@ -8,8 +8,9 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.formats.document import Document
-from circparam.formats.joined import apart
-from circparam.formats.memory import from_arrays, whole_numbers
+from circparam.formats.joined import join
+from circparam.formats.memory import PlainDocument, from_arrays, whole_numbers
+from circparam.formats.source import Source
 from circparam.mesh.mesh import Mesh
 
 
@@ -137,10 +138,8 @@ def joined_document(meshes: list[AddedMesh]) -> Document:
 
     Each gets a cell of its own in space, so that no vertices of two meshes coincide and are welded.
     """
-    points = list(apart([a.mesh.points for a in meshes], [a.mesh.faces for a in meshes]))
-    first = np.cumsum([0, *map(len, points)])
-    faces = np.concatenate([a.mesh.faces + k for a, k in zip(meshes, first, strict=False)])
-    tables = [added.uvs for added in meshes if added.uvs is not None]
-    whole = np.concatenate(tables) if len(tables) == len(meshes) else None
     name = "the mesh" if len(meshes) == 1 else f"the {len(meshes)} meshes of the atlas"
-    return from_arrays(np.concatenate(points), faces, whole, name=name)
+    whole = join([PlainDocument(Source(name), "arrays", added.mesh) for added in meshes]).mesh
+    tables = [added.uvs for added in meshes if added.uvs is not None]
+    uv = np.concatenate(tables) if len(tables) == len(meshes) else None
+    return from_arrays(whole.points, whole.faces, uv, name=name)

@@ -1,11 +1,14 @@
 """Uv put into a glTF tree: only what uv touches changes."""
 
+import base64
+
 import numpy as np
 import pytest
 
 from circparam.errors import OptionError
 from circparam.formats.document import WriteOptions
 from circparam.formats.io import encode, read_data
+from circparam.formats.looks import Carried, Group, Slot
 from circparam.mesh.mesh import UVMap
 from tests.support.formats_tools import (
     GltfMaker,
@@ -84,3 +87,37 @@ def test_tangents_go_with_the_uv_set_of_the_normal_map(normal, uv_set, lost):
     assert ("TANGENT" not in primitive["attributes"]) == lost
     assert ("TANGENT" not in primitive["targets"][0]) == lost
     assert any("tangents of 1 primitive were" in note for note in out.notes) == lost
+
+
+def test_extensions_of_textures_that_are_gone_leave_the_lists() -> None:
+    """Those of a texture that stays, and all others, keep their places; an empty list goes."""
+    g = full_mesh()
+    picture = base64.b64encode(b"picture").decode()
+    g.tree["images"] = [{"uri": f"data:image/png;base64,{picture}"}]
+    g.tree["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0}}}]
+    moved = {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0]}}}
+    g.tree["materials"] = [{"normalTexture": {"index": 0}, "emissiveTexture": moved}]
+    g.tree["extensionsUsed"] = ["KHR_texture_transform", "VENDOR_x", "EXT_texture_webp"]
+    g.tree["extensionsRequired"] = ["EXT_texture_webp"]
+    document = read_data(g.glb())
+    (material,) = document.looks().materials[:1]
+    base, normal, emissive = (
+        next(slot for slot in material.factors if slot.page == page)
+        for page in ("base_color", "normal", "emissive")
+    )
+
+    def dressed(*slots: Slot) -> dict:
+        pages = {slot.page: b"\x89PNG" for slot in slots}
+        factors = {slot: material.factors[slot] for slot in slots}
+        carried = Carried(pages, (Group((0,), factors, slots),), 0)
+        return tree_of(encode(document.dressed(carried), smooth_layout(document), "glb").data)
+
+    none = dressed(base, normal, emissive)
+    assert none["extensionsUsed"] == ["VENDOR_x"]
+    assert "extensionsRequired" not in none
+    (new,) = none["materials"]
+    assert new["pbrMetallicRoughness"].keys() == {"baseColorTexture"}
+    assert new.keys() >= {"normalTexture", "emissiveTexture"}
+    some = dressed(base, normal)
+    assert some["extensionsUsed"] == g.tree["extensionsUsed"]
+    assert some["extensionsRequired"] == ["EXT_texture_webp"]

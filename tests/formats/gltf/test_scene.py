@@ -86,6 +86,23 @@ def test_unshared_meshes_get_their_own_uv() -> None:
     assert tree_of(data)["nodes"][3]["mesh"] == 0  # the bytes given were not edited
 
 
+def test_unshare_without_shared_meshes_is_told() -> None:
+    says = "--unshare has no effect: no two nodes share a mesh"
+    assert read_data(instanced().glb(), unshare=True).warnings == ()
+    assert read_data(small().glb(), unshare=True).warnings == (says,)
+
+
+def test_a_node_names_the_meshes_below_it_at_any_depth() -> None:
+    """And no mesh beside it; nodes without a name have none."""
+    g = instanced()
+    for node, name in zip(g.tree["nodes"], ("root", "other", "", "leaf"), strict=True):
+        node |= {"name": name} if name else {}
+    document = read_data(g.glb())
+    named = document.named("node")
+    assert set(named.names) == {("root", 0), ("leaf", 0), ("other", 1)}
+    np.testing.assert_array_equal(named.label, document.labels("mesh"))
+
+
 def test_equal_points_stay_equal_in_world_space() -> None:
     rng = np.random.default_rng(3)
     base = rng.normal(size=(50, 3)).astype("f4")
