@@ -119,7 +119,8 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     outputs = [output_path(mesh, given) for mesh in asked]
     check_outputs(asked, outputs, given)
     for mesh in again:
-        progress.warn(f"{mesh}: skipped, because it is the output of another mesh", run.quiet)
+        line = f"{mesh}: skipped, because it is the output of another mesh"
+        progress.say("warning", line, run.quiet)
     codes = []
     with made_folder(given["out_dir"]):
         if given["one_atlas"]:
