@@ -26,6 +26,7 @@ OLDER_FLAGS = {
     f"--{old}".replace("_", "-"): f"--{new}".replace("_", "-") for old, new in ALIASES.items()
 }
 tables: Any = OnDemand("circparam.cli.tables")  # with rich, which takes a tenth of a second
+formats: Any = OnDemand("circparam.formats.table")
 
 
 # further files of an unwrap: parameter → flag without its dashes
@@ -175,12 +176,6 @@ class NumberOr(Listed):
             return value
 
 
-def _formats() -> list[str]:
-    from circparam.formats.table import FORMATS
-
-    return FORMATS.names()
-
-
 # unreadable files and directories are errors of the library (exit 3), not of usage
 MESH = click.Path(dir_okay=True, allow_dash=True, readable=False)
 FILE = click.Path(readable=False)
@@ -310,12 +305,12 @@ out_dir = path_option(
     section=INPUT,
 )  # fmt: skip
 
-format_option = library_option("format", type=Name("format", _formats, listed=True))
+_format = Name("format", lambda: formats.FORMATS.names(), listed=True)
+
+format_option = library_option("format", type=_format)
 
 named_format_option = library_option(
-    "format",
-    type=Name("format", _formats, listed=True),
-    help="Format of '-' (stdin, stdout), and of outputs without -o.",
+    "format", type=_format, help="Format of '-' (stdin, stdout), and of outputs without -o."
 )
 
 gates = value(
