@@ -195,11 +195,9 @@ def status(out: str) -> dict[str, Any]:
     with Index() as index:
         index.add_lines(read_lines(path))
         counts, _, missed = index.counts()
-    known = folder.get_bytes(STATUS)
     live: dict[str, Any] | None = None
-    if known is not None:
-        with contextlib.suppress(ValueError):
-            live = json.loads(known)
+    with contextlib.suppress(ValueError):
+        live = json.loads(folder.get_bytes(STATUS) or b"null")
     stale = 10.0 if not folder.remote else 4 * REMOTE_STATUS_SECONDS
     if live is not None and time.time() - float(live.get("time", 0)) > stale:
         live = None
