@@ -32,11 +32,11 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
-from circparam.formats.io import Written, check_place, check_target, format_of, read, write
+from circparam.formats.io import Written, check_place, format_of, read, write
 from circparam.formats.looks import Carried
 from circparam.geometry.distortion import measure
 from circparam.mesh.mesh import UVMap
-from circparam.pipeline.configure import open_source, target_format, write_options
+from circparam.pipeline.configure import check_output, open_source, target_format
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.named_numbers import EVEN, SOURCE
 from circparam.pipeline.options import AUTO, DEFAULT_RESOLUTION, LookOptions, Options, from_keywords
@@ -150,9 +150,7 @@ def rebake_document(
         raise OptionError("--check-look reads the result back: give -o FILE in place of '-'")
     target = target_format(document, output, options)
     check_home(document, target, look)
-    check_target(document, target, write_options(options))
-    if os.fspath(output) != "-":
-        check_place(output, document, target, options.overwrite)
+    check_output(document, output, target, options)
     with monitor.stage("images"):
         source = Source.of(document, bool(look.keep_tiled))
     result = laid_out(source, replace(options, format=target), look, monitor)

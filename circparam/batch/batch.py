@@ -8,7 +8,7 @@ import shutil
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import field, replace
 from typing import Any
 
@@ -17,46 +17,16 @@ from circparam.batch.index import Index, size_of
 from circparam.batch.manifest import NAME, Manifest, local_copy, read_lines
 from circparam.batch.progress import Meter, Progress
 from circparam.batch.report import save_report
-from circparam.batch.run import LAST_SECONDS, Batch, Task
+from circparam.batch.run import Batch, BatchPlan, Hooks, Listener
 from circparam.batch.settings import Settings
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder, open_store
-from circparam.batch.task import WORK_FOLDER, do_item
+from circparam.batch.task import WORK_FOLDER
 from circparam.core.records import dataclass
 from circparam.errors import InputError, NoResultError, OptionError
 
 STATUS = f"{WORK_FOLDER}/status.json"
 REMOTE_STATUS_SECONDS = 30.0  # seconds between two notes of the state in a remote folder
-
-
-@dataclass(frozen=True)
-class BatchPlan:
-    """The task of a batch. sources: as the command line has them. retry: of failed, degraded, all. workers: of
-    a cluster on this machine; scheduler, scheduler_file: of one that runs. task: function that a worker calls
-    for one item. last: seconds for running tasks after the batch was asked to stop."""
-
-    sources: Sequence[str]
-    settings: Settings
-    retry: frozenset[str] = frozenset()
-    workers: int | None = None
-    scheduler: str | None = None
-    scheduler_file: str | None = None
-    task: Task = do_item
-    last: float = LAST_SECONDS
-
-
-@dataclass(frozen=True)
-class Hooks:
-    """Callbacks of the caller. listener: called with the progress. on_line: each final line. note: called for
-    sources left out. started: gets the function that asks the batch to stop; a context, within which it works.
-    """
-
-    listener: Callable[[Progress], None] | None = None
-    on_line: Callable[[dict[str, Any]], None] | None = None
-    note: Callable[[str], None] = field(default=lambda _: None)
-    started: Callable[[Callable[[], None]], contextlib.AbstractContextManager[None]] = field(
-        default=lambda _: contextlib.nullcontext()
-    )
 
 
 @dataclass(frozen=True)
@@ -93,6 +63,7 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
     start = time.monotonic()
     folder = Folder(plan.settings.out)
     settings = replace(plan.settings, out=folder.address, run=uuid.uuid4().hex[:12])
+    plan = replace(plan, settings=settings)
     with Index() as index:
         listing = Listing(plan.sources, None if folder.remote else folder.address)
         total = index.add_sources(listing, folder)
@@ -117,7 +88,7 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
             meter = Meter(total, total - due, index.weight())
             finished = True
             if due:
-                finished = _work(plan, settings, index, manifest, meter, hooks)
+                finished = _work(plan, index, manifest, meter, hooks)
             index.add_lines(read_lines(manifest.path))
             report: str | None = folder.of("report.html")
             if due or folder.remote or not os.path.exists(str(report)):
@@ -126,10 +97,9 @@ def run_batch(plan: BatchPlan, hooks: Hooks | None = None) -> Summary:
             _clean(folder)
             manifest.close()
         counts, codes, missed = index.counts(of_sources=True)
-        done = sum(meter.counts.values())
         seconds = time.monotonic() - start
         return Summary(
-            meter.total, counts, missed, done, meter.skipped, finished, seconds, codes, report
+            meter.total, counts, missed, meter.done, meter.skipped, finished, seconds, codes, report
         )
 
 
@@ -157,29 +127,20 @@ def _check_owned(
         )
 
 
-def _work(
-    plan: BatchPlan,
-    settings: Settings,
-    index: Index,
-    manifest: Manifest,
-    meter: Meter,
-    hooks: Hooks,
-) -> bool:
+def _work(plan: BatchPlan, index: Index, manifest: Manifest, meter: Meter, hooks: Hooks) -> bool:
     """Run the items that are due; whether all are done."""
-    folder, status = manifest.folder, _StatusFile(manifest.folder, hooks.listener)
+    folder = manifest.folder
+    hooks = replace(hooks, listener=_StatusFile(folder, hooks.listener))
     work = None if folder.remote else folder.of(WORK_FOLDER)
     cluster = Cluster(plan.workers, plan.scheduler, plan.scheduler_file, work)
     try:
-        batch = Batch(
-            cluster, index.items(), settings, manifest, meter,
-            status, hooks.on_line, plan.task, plan.last,
-        )  # fmt: skip
+        batch = Batch(cluster, index.items(), plan, hooks, manifest, meter)
         with hooks.started(batch.ask_to_stop):
             finished = batch.run()
     except LostError:
         cluster.kill()
         where = plan.scheduler or plan.scheduler_file or "this machine"
-        left = meter.total - meter.skipped - sum(meter.counts.values())
+        left = meter.total - meter.skipped - meter.done
         raise NoResultError(
             f"the scheduler of {where} has ended with {left} files not done: give the same command again"
         ) from None
@@ -193,7 +154,7 @@ def _work(
 class _StatusFile:
     """Passes progress on, and keeps it under --out for ``--status``."""
 
-    def __init__(self, folder: Folder, listener: Callable[[Progress], None] | None) -> None:
+    def __init__(self, folder: Folder, listener: Listener) -> None:
         self.folder, self.listener = folder, listener
         self.last = -REMOTE_STATUS_SECONDS
         if not folder.remote:
@@ -206,8 +167,7 @@ class _StatusFile:
             known = {**progress.as_dict(), "pid": os.getpid(), "time": time.time()}
             with contextlib.suppress(Exception):  # it only informs
                 self.folder.put_bytes(STATUS, json.dumps(known).encode(), durable=False)
-        if self.listener is not None:
-            self.listener(progress)
+        self.listener(progress)
 
 
 def _clean(folder: Folder) -> None:
@@ -235,11 +195,9 @@ def status(out: str) -> dict[str, Any]:
     with Index() as index:
         index.add_lines(read_lines(path))
         counts, _, missed = index.counts()
-    known = folder.get_bytes(STATUS)
     live: dict[str, Any] | None = None
-    if known is not None:
-        with contextlib.suppress(ValueError):
-            live = json.loads(known)
+    with contextlib.suppress(ValueError):
+        live = json.loads(folder.get_bytes(STATUS) or b"null")
     stale = 10.0 if not folder.remote else 4 * REMOTE_STATUS_SECONDS
     if live is not None and time.time() - float(live.get("time", 0)) > stale:
         live = None

@@ -3,9 +3,15 @@
 import os
 import traceback
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from circparam.batch.settings import PLACE, Settings
+from circparam.pipeline.options import LookOptions, Options
+
+if TYPE_CHECKING:
+    from circparam.core.monitor import Monitor
+    from circparam.formats.document import Document
+    from circparam.pipeline.result import Result
 
 
 def unwrap_one(settings: Settings, source: str, target: str, name: str) -> dict[str, Any]:
@@ -26,35 +32,25 @@ def unwrap_one(settings: Settings, source: str, target: str, name: str) -> dict[
 
 
 def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[str, Any]:
-    from circparam.core.monitor import Monitor
     from circparam.errors import GateError
-    from circparam.formats.io import read
-    from circparam.pipeline.summary import summarise
-    from circparam.pipeline.unwrap import unwrap_document
+    from circparam.pipeline.configure import open_source
+    from circparam.pipeline.jobs import monitor_of
 
     # as many meshes are at work as there are cores, and a fork has no processes that others have opened
     options = replace(settings.options, overwrite=True, format=None, jobs=1)
     # of thousands of files none may take all the time it is given
     if options.timeout is not None and options.effort is None:
         options = replace(options, effort=1.0)
-    monitor = Monitor(None, options.timeout, options.processes)
+    monitor = monitor_of(options, None)
     with monitor.stage("read"):
-        document = read(source, unshare=bool(options.unshare), reader=options.reader)
-    if settings.look is None:
-        result, figures = unwrap_document(document, target, options, monitor), {}
-    else:
-        from circparam.bake.rebake import rebake_document
-
-        result, look = rebake_document(document, target, options, settings.look, monitor)
-        figures = look.figures()
+        document = open_source(source, options)
     scratch = os.path.dirname(target)
-    more = {}
+    further, more = {}, {}
     for kind, pattern in settings.extras.items():
         place = pattern.replace(PLACE, os.path.splitext(name)[0])
-        path = os.path.join(scratch, f"further.{kind}{os.path.splitext(place)[1]}")
-        write_further(kind, result, path, os.path.basename(name), overwrite=True)
-        more[place] = os.path.basename(path)
-    report = summarise(result) | figures
+        more[place] = f"further.{kind}{os.path.splitext(place)[1]}"
+        further[kind] = os.path.join(scratch, more[place])
+    result, report = write_mesh(document, target, options, settings.look, further, monitor)
     files = [os.path.relpath(f, scratch) for f in result.files if f != target]
     code, error = 0, None
     if missed := settings.gates.missed(report):
@@ -68,13 +64,37 @@ def _unwrapped(settings: Settings, source: str, target: str, name: str) -> dict[
     }
 
 
-def write_further(kind: str, result: Any, path: str, title: str, overwrite: bool) -> None:
-    """Write the file of --export-seams, --map or --preview; title: of the picture. Raises OutputError."""
+def write_mesh(
+    document: "Document",
+    output: str,
+    options: Options,
+    look: LookOptions | None,
+    further: dict[str, str],
+    monitor: "Monitor",
+) -> "tuple[Result, dict[str, Any]]":
+    """Unwrap a file, with its images where ``look`` says how, and write the further files: (result, report).
+
+    further: paths by ``export-seams``, ``map`` or ``preview``. Raises the errors of ``unwrap_document`` and
+    ``rebake_document``, OutputError for a further file.
+    """
     from circparam.pipeline import save
+    from circparam.pipeline.summary import summarise
+    from circparam.pipeline.unwrap import unwrap_document
 
-    if kind == "preview":
-        from circparam.render.picture import save_result
-
-        save_result(path, result, title)
+    if look is None:
+        result, figures = unwrap_document(document, output, options, monitor), {}
     else:
-        (save.write_map if kind == "map" else save.export_seams)(result, path, overwrite)
+        from circparam.bake.rebake import rebake_document
+
+        result, carried = rebake_document(document, output, options, look, monitor)
+        figures = carried.figures()
+    for kind, path in further.items():
+        if kind == "preview":
+            from circparam.render.picture import save_result
+
+            save_result(path, result, os.path.basename(result.path or ""))
+        else:
+            (save.write_map if kind == "map" else save.export_seams)(
+                result, path, options.overwrite
+            )
+    return result, summarise(result) | figures

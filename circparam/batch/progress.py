@@ -55,20 +55,24 @@ class Meter:
     def __post_init__(self) -> None:
         self.rest = self.weight + LEAST_WEIGHT_BYTES * (self.total - self.skipped)
         self._recent: deque[tuple[float, int, int]] = deque([(time.monotonic(), 0, 0)])
-        self._done = self._weight = 0
+        self._weight = 0
+
+    @property
+    def done(self) -> int:
+        """Files that have a line of this run."""
+        return sum(self.counts.values())
 
     def count(self, line: dict[str, Any]) -> None:
         """One file is done."""
         self.counts[line["status"]] += 1
         self.missed += line["status"] != "failed" and bool(line["exit"])
-        self._done += 1
         self._weight += int(line["source_bytes"] or 0) + LEAST_WEIGHT_BYTES
 
     def progress(self, running: dict[str, float], workers: int, note: str) -> Progress:
         """How far it is now."""
         now = time.monotonic()
         if now - self._recent[-1][0] > 1.0:
-            self._recent.append((now, self._done, self._weight))
+            self._recent.append((now, self.done, self._weight))
         while len(self._recent) > 2 and now - self._recent[1][0] > RECENT_SECONDS:
             self._recent.popleft()
         then, done, weight = self._recent[0]
@@ -78,7 +82,7 @@ class Meter:
         return Progress(
             self.total, self.skipped, dict(self.counts), self.missed,
             tuple(sorted(running.items(), key=lambda pair: -pair[1])),
-            (self._done - done) / seconds, left, workers, note,
+            (self.done - done) / seconds, left, workers, note,
         )  # fmt: skip
 
 

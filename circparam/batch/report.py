@@ -3,7 +3,6 @@
 import contextlib
 import csv
 import functools
-import html
 import io
 import json
 import os
@@ -23,7 +22,7 @@ from circparam.render.compare_page import png_url
 from circparam.render.scene import make_scene
 from circparam.render.side_by_side import draw_layouts
 from circparam.render.templates import document as whole_page
-from circparam.render.templates import fill_in, page_style, viewer_file
+from circparam.render.templates import fill_in, page_style, piece, viewer_file
 
 PAGE_NAME, TABLE_NAME = "report.html", "report.csv"
 MOST_TABLE_ROWS = 10_000  # of the table in the page; report.csv has all
@@ -102,20 +101,15 @@ _COLOURS = {kind: col.CHARTS[k] for kind, k in zip(LINE_STATUSES, (2, 4, 1, 5), 
 
 def _section(title: str, content: str) -> str:
     """A section of the page; none without content."""
-    return f"<section><h2>{title}</h2><p></p>{content}</section>" if content else ""
+    return piece("titled", title=title, CONTENT=content) if content else ""
 
 
 def _counts(counts: dict[str, int], missed: int) -> str:
-    tiles = "".join(
-        f'<li><strong>{counts.get(k, 0):,}</strong><span><i class="dot kind-{k}"></i>{k}</span></li>'
-        for k in LINE_STATUSES
-    )
-    if missed:
-        tiles += f"<li><strong>{missed:,}</strong><span>missed a gate</span></li>"
-    bar = "".join(
-        f'<i class="kind-{k}" style="flex:{counts[k]}"></i>' for k in LINE_STATUSES if counts.get(k)
-    )
-    return _section("Status", f'<ul class="tiles">{tiles}</ul><div class="share">{bar}</div>')
+    shown = [(counts.get(k, 0), piece("dot", kind=k), k) for k in LINE_STATUSES]
+    shown += [(missed, "", "missed a gate")] if missed else []
+    tiles = "".join(piece("tile", count=f"{n:,}", DOT=dot, label=text) for n, dot, text in shown)
+    bar = "".join(piece("share", kind=k, count=counts[k]) for k in LINE_STATUSES if counts.get(k))
+    return _section("Status", piece("status", TILES=tiles, BAR=bar))
 
 
 def _causes(index: Index) -> str:
@@ -131,16 +125,11 @@ def _causes(index: Index) -> str:
     if not found:
         return ""
     rows = "".join(
-        f"<tr><td>{n:,}</td><td>{code}</td><td>{html.escape(text[:400])}</td>"
-        f"<td>{html.escape(readable(name))}</td></tr>"
+        piece("cause", count=f"{n:,}", code=code, cause=text[:400], name=readable(name))
         for n, code, text, name in sorted(found.values(), key=lambda e: -e[0])[:MOST_CAUSES]
     )
     more = f"<p>and {len(found) - MOST_CAUSES} causes more</p>" if len(found) > MOST_CAUSES else ""
-    table = (
-        '<div class="scroll"><table class="causes"><thead><tr><th>files</th><th>exit</th><th>cause</th>'
-        f"<th>for example</th></tr></thead><tbody>{rows}</tbody></table></div>{more}"
-    )
-    return _section("What went wrong", table)
+    return _section("What went wrong", piece("causes", ROWS=rows, MORE=more))
 
 
 def _histogram(index: Index, name: str) -> str:
@@ -158,22 +147,18 @@ def _histogram(index: Index, name: str) -> str:
     counts, _ = np.histogram(values, edges)
     tallest = max(int(counts.max()), 1)
     step = 260 / len(counts)
-    bars = "".join(
-        f'<rect x="{k * step:.1f}" y="{92 - 84 * n / tallest:.1f}" width="{step - 1:.1f}" '
-        f'height="{84 * n / tallest:.1f}"><title>{figure(a)} to {figure(b)}: {n:,}</title></rect>'
-        for k, (n, a, b) in enumerate(zip(counts.tolist(), edges[:-1], edges[1:], strict=True))
-        if n
-    )
-    p95 = float(np.percentile(values, 95))
-    return (
-        f"<figure style='margin:0'><h3>{html.escape(TITLES[name])}</h3>"
-        f"<p>median {figure(middle)} · 95 % {figure(p95)} · largest {figure(high)}</p>"
-        f'<svg viewBox="0 0 260 112" role="img" aria-label="{html.escape(TITLES[name])}">{bars}'
-        '<line x1="0" y1="92.5" x2="260" y2="92.5"/>'
-        f'<text x="0" y="108">{figure(edges[0])}</text>'
-        f'<text x="260" y="108" text-anchor="end">{figure(edges[-1])}{" (log)" if log else ""}</text>'
-        "</svg></figure>"
-    )
+    bars = ""
+    for k, n in enumerate(counts.tolist()):
+        if n:
+            size = {"width": f"{step - 1:.1f}", "height": f"{84 * n / tallest:.1f}"}
+            place = {"x": f"{k * step:.1f}", "y": f"{92 - 84 * n / tallest:.1f}"}
+            ends = {"a": figure(edges[k]), "b": figure(edges[k + 1])}
+            bars += piece("bar", **place, **size, **ends, count=f"{n:,}")
+    return piece(
+        "histogram", title=TITLES[name], middle=figure(middle), most=figure(np.percentile(values, 95)),
+        largest=figure(high), BARS=bars, low=figure(edges[0]), high=figure(edges[-1]),
+        scale=" (log)" if log else "",
+    )  # fmt: skip
 
 
 def figure(value: float) -> str:
@@ -199,11 +184,7 @@ def _cards(folder: Folder, index: Index) -> str:
 def _card(pictures: Callable[[str], list[str]], title: str, row: tuple[Any, ...]) -> str:
     name, status, faces, charts, seconds, seam, over, distortion, stage, cause = row
     text = name.decode("utf-8", "surrogateescape")
-    images = "".join(
-        f'<img alt="{what}" src="{url}">'
-        for what, url in zip(("surface", "layout"), pictures(text), strict=False)
-    )
-    badge = "" if status == "ok" else f'<em class="{status}">{status}</em>'
+    badge = "" if status == "ok" else piece("badge", status=status)
     if title == "Slowest":
         why = f"{seconds:.3g} s for {faces:,.0f} faces; {stage}".replace(" s", "\u00a0s")
     elif status == "degraded":
@@ -212,11 +193,11 @@ def _card(pictures: Callable[[str], list[str]], title: str, row: tuple[Any, ...]
         over = f", {100 * over:.2g} % stretched over 2" if over else ""
         parts = f"{charts:.0f} chart{'s' * (charts != 1)}, seam {seam or 0:.3g}"
         why = f"{parts}, distortion {distortion or 0:.4g}{over}"
-    picture = f'<div class="pair">{images}</div>' if images else '<p class="empty">no picture</p>'
-    return (
-        f"<article><h3>{html.escape(readable(name))}{badge}</h3>{picture}"
-        f"<p>{html.escape(why)}</p></article>"
-    )
+    if images := pictures(text):
+        picture = piece("drawn", surface=images[0], layout=images[1])
+    else:
+        picture = piece("empty", reason="no picture")
+    return piece("file", name=readable(name), BADGE=badge, PICTURE=picture, why=why)
 
 
 def _rows(index: Index) -> tuple[list[list[Any]], bool]:

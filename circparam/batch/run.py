@@ -1,11 +1,12 @@
 """The batch itself. A bounded window of tasks is at Dask, and lines enter the manifest as they come. Errors
 that may pass lead to new attempts. Another run can continue after any end."""
 
+import contextlib
 import heapq
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field, replace
 from typing import Any
 
@@ -31,23 +32,48 @@ Listener = Callable[[Progress], None]
 Task = Callable[[bytes, Item], dict[str, Any]]
 
 
+@dataclass(frozen=True)
+class BatchPlan:
+    """The task of a batch. sources: as the command line has them. retry: of failed, degraded, all. workers: of
+    a cluster on this machine; scheduler, scheduler_file: of one that runs. task: function that a worker calls
+    for one item. last: seconds for running tasks after the batch was asked to stop."""
+
+    sources: Sequence[str]
+    settings: Settings
+    retry: frozenset[str] = frozenset()
+    workers: int | None = None
+    scheduler: str | None = None
+    scheduler_file: str | None = None
+    task: Task = do_item
+    last: float = LAST_SECONDS
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """Callbacks of the caller. listener: called with the progress, about once a second. on_line: called with
+    each final line. note: called for sources left out. started: gets the function that asks the batch to stop;
+    a context, within which it works.
+    """
+
+    listener: Listener = field(default=lambda _: None)
+    on_line: Callable[[dict[str, Any]], None] = field(default=lambda _: None)
+    note: Callable[[str], None] = field(default=lambda _: None)
+    started: Callable[[Callable[[], None]], contextlib.AbstractContextManager[None]] = field(
+        default=lambda _: contextlib.nullcontext()
+    )
+
+
 @dataclass
 class Batch:
-    """One run. items: to do, in this order. task: function that a worker calls for an item, by ``do_item``.
-    listener: called with the progress, about once a second. on_line: called with each final line.
-
-    last: seconds. ``ask_to_stop`` lets short tasks finish; ``run`` then returns False.
-    """
+    """One run. items: to do, in this order. ``ask_to_stop`` lets short tasks finish; ``run`` then returns
+    False."""
 
     cluster: Cluster
     items: Iterator[Item]
-    settings: Settings
+    plan: BatchPlan
+    hooks: Hooks
     manifest: Manifest
     meter: Meter
-    listener: Listener | None = None
-    on_line: Callable[[dict[str, Any]], None] | None = None
-    task: Task = do_item
-    last: float = LAST_SECONDS
     stopping: bool = False
     running: dict[Any, tuple[Any, Item]] = field(default_factory=dict)
 
@@ -62,7 +88,7 @@ class Batch:
         self._looked, self._threads = 0.0, 0
         self._full_since: float | None = None
         self._note = ""
-        self._packed = pack_settings(self.settings)
+        self._packed = pack_settings(self.plan.settings)
 
     def ask_to_stop(self) -> None:
         """Let running tasks finish soon, and start no others (from a signal handler, or another thread)."""
@@ -77,7 +103,7 @@ class Batch:
         end = math.inf
         while True:
             if self.stopping and end == math.inf:
-                end = time.monotonic() + self.last
+                end = time.monotonic() + self.plan.last
                 self._later.clear()
                 self._looked = -math.inf  # look now
             self._look()
@@ -110,7 +136,7 @@ class Batch:
             # one group for all: Dask keeps data of each group while any of its tasks runs
             key = "unwrap", next(self._number)
             future = self.cluster.client.submit(
-                self.task, self._packed, item, key=key, pure=False, retries=0
+                self.plan.task, self._packed, item, key=key, pure=False, retries=0
             )
             self.running[key] = (future, item)
             self._ready.add(future)
@@ -195,8 +221,7 @@ class Batch:
                 return
             line = self._unwritten.pop(0)
             self.meter.count(line)
-            if self.on_line is not None:
-                self.on_line(line)
+            self.hooks.on_line(line)
 
     def _look(self) -> None:
         """A periodic look at the number of workers, the running tasks and the scheduler.
@@ -214,7 +239,7 @@ class Batch:
         try:
             self._threads = self.cluster.threads()
             if self.stopping:
-                self.cluster.client.run(leave, self.settings.run, on_error="ignore")
+                self.cluster.client.run(leave, self.plan.settings.run, on_error="ignore")
                 if not self._threads:  # no worker answers, so no task is running
                     self.cluster.client.cancel([future for future, _ in self.running.values()])
                     self.running.clear()
@@ -224,7 +249,6 @@ class Batch:
                 raise LostError from None
             return
         known = {k: seconds for k, seconds in ages.items() if k in self.running}
-        if self.listener is not None:
-            note = self._note or ("" if self._threads else "there are no workers yet: waiting")
-            names = {self.running[k][1].target: seconds for k, seconds in known.items()}
-            self.listener(self.meter.progress(names, self._threads, note))
+        note = self._note or ("" if self._threads else "there are no workers yet: waiting")
+        names = {self.running[k][1].target: seconds for k, seconds in known.items()}
+        self.hooks.listener(self.meter.progress(names, self._threads, note))

@@ -170,9 +170,8 @@ def _kill(pid: int, group_only: bool = False) -> None:
 
 def main() -> None:
     """Serve: standard output is for answers alone."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # the worker gets the signal too, and ends this process
+    # the worker gets the signal too, and ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     target = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     warm_up()

@@ -1,6 +1,5 @@
 """Settings that all files of a batch share, as sent to the workers."""
 
-import dataclasses
 import functools
 import hashlib
 import json
@@ -61,8 +60,7 @@ class Settings:
 
     def key(self) -> str:
         """A short hash of the options and the version, which decide the bytes of the results."""
-        names = [f.name for f in dataclasses.fields(self.options) if f.name not in _NO_BYTES]
-        values: dict[str, Any] = {name: getattr(self.options, name) for name in names}
+        values: dict[str, Any] = {k: v for k, v in vars(self.options).items() if k not in _NO_BYTES}
         values |= {**self.extras, "version": self.version}
         if self.look is not None:
             values["look"] = vars(self.look)

@@ -77,16 +77,14 @@ def open_store(address: str) -> tuple[Any, str]:
 
 def again(call: Callable[..., T], *args: Any, **keywords: Any) -> T:
     """A call of a remote store, repeated where it fails; the last error is raised."""
-    for k in range(CALL_TRIES):
+    for k in range(CALL_TRIES - 1):
         try:
             return call(*args, **keywords)
         except FINAL_ERRORS:
             raise
         except Exception:
-            if k == CALL_TRIES - 1:
-                raise
             time.sleep(FIRST_PAUSE_SECONDS * 2**k)
-    raise AssertionError("unreachable")
+    return call(*args, **keywords)
 
 
 def etag(info: dict[str, Any]) -> str:

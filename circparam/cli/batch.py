@@ -19,7 +19,7 @@ from circparam.cli.unwrap import command as unwrap_command
 from circparam.errors import GateError, InputError, OptionError
 
 if TYPE_CHECKING:
-    from circparam.batch.batch import BatchPlan
+    from circparam.batch.run import BatchPlan
 
 CLEARING_SECONDS = 4.0  # seconds for the end of the workers and for their folders
 _EPILOG = """\b
@@ -110,12 +110,16 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
         _print(found) if given["as_json"] else print_status(found)
         return exits.OK
     plan = _plan(sources, given)
-    from circparam.batch.batch import Hooks, run_batch
+    from circparam.batch.batch import run_batch
+    from circparam.batch.run import Hooks
     from circparam.cli.batch_progress import Screen
 
     screen = Screen(given["quiet"] or given["as_json"], given["verbose"], given["quiet"])
     hooks = Hooks(
-        screen.show, screen.line, lambda text: progress.warn(text, given["quiet"]), screen.started
+        screen.show,
+        screen.line,
+        lambda text: progress.say("warning", text, given["quiet"]),
+        screen.started,
     )
     try:
         with signals.within(signals.GRACES, CLEARING_SECONDS):
@@ -130,11 +134,8 @@ def command(sources: tuple[str, ...], **given: Any) -> int:
         print_summary(summary)
     if not summary.finished:
         left = summary.total - sum(summary.counts.values())
-        click.echo(
-            f"circparam: error: interrupted: {left} of {summary.total} files are not done; "
-            "the same command continues",
-            err=True,
-        )
+        said = f"{left} of {summary.total} files are not done; the same command continues"
+        progress.say("error", f"interrupted: {said}")
         return exits.INTERRUPTED
     if summary.fail_rate > given["fail_rate"]:
         bad = summary.counts.get("failed", 0) + summary.missed
@@ -160,7 +161,7 @@ def _plan(sources: tuple[str, ...], given: dict[str, Any]) -> "BatchPlan":
         raise OptionError(f"{flags} exclude each other: use local workers or one running cluster")
     if "-" in sources:
         raise OptionError("a batch cannot read standard input: give '-' to circparam unwrap")
-    from circparam.batch.batch import BatchPlan
+    from circparam.batch.run import BatchPlan
     from circparam.batch.settings import Settings
     from circparam.pipeline.gates import parse_gates
     from circparam.pipeline.options import Options

@@ -1,9 +1,9 @@
 """Display of a batch while it runs and at its end: a few lines that renew themselves, or one line a minute."""
 
-import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -33,8 +33,7 @@ class Screen:
         self._errors = 0
         self._stopping = False
 
-    @contextlib.contextmanager
-    def started(self, stop: Callable[[], None]) -> Iterator[None]:
+    def started(self, stop: Callable[[], None]) -> AbstractContextManager[None]:
         """During the work: the first Ctrl-C lets tasks finish that take seconds."""
 
         def ask() -> None:
@@ -42,8 +41,7 @@ class Screen:
             self._stopping = True
             self._say("stopping: running files have 3 s to finish (Ctrl-C again: stop at once)")
 
-        with signals.asked_first(ask):
-            yield
+        return signals.asked_first(ask)
 
     def show(self, progress: "Progress") -> None:
         """How far it is: at once on a terminal, once a minute elsewhere."""

@@ -14,7 +14,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from circparam.cli import exits, progress
-from circparam.core.fields import Spec, specs, types_of
+from circparam.core.fields import specs, types_of
 from circparam.core.imports import OnDemand
 from circparam.core.registry import unknown_name
 from circparam.errors import GateError
@@ -26,6 +26,7 @@ OLDER_FLAGS = {
     f"--{old}".replace("_", "-"): f"--{new}".replace("_", "-") for old, new in ALIASES.items()
 }
 tables: Any = OnDemand("circparam.cli.tables")  # with rich, which takes a tenth of a second
+formats: Any = OnDemand("circparam.formats.table")
 
 
 # further files of an unwrap: parameter → flag without its dashes
@@ -175,12 +176,6 @@ class NumberOr(Listed):
             return value
 
 
-def _formats() -> list[str]:
-    from circparam.formats.table import FORMATS
-
-    return FORMATS.names()
-
-
 # unreadable files and directories are errors of the library (exit 3), not of usage
 MESH = click.Path(dir_okay=True, allow_dash=True, readable=False)
 FILE = click.Path(readable=False)
@@ -192,19 +187,18 @@ _TYPES = (int, float, str)  # every other type is in a file
 def library_option(name: str, fields: Any = Options, **other: Any) -> Decorator:
     """The flag of one field of ``fields``, a dataclass of options; ``other`` goes to click instead.
 
-    The parameter of the command has the name of the field, ``no_NAME`` where the flag switches it off.
+    The parameter of the command has the name of the field, and is None where the option is not given.
     """
     spec = specs(fields)[name]
     own = next(f for f in dataclasses.fields(fields) if f.name == name)
     types = types_of(fields)[name]
     section = next((s for s, stages in SECTIONS.items() if spec.stage in stages), INFORMATION)
     flag = spec.flag or "--" + name.replace("_", "-")
-    words = filter(None, (spec.short, _parameter(name, spec)))
+    words = filter(None, (spec.short, name))
     known: dict[str, Any] = {"metavar": spec.metavar}
     if bool in types:
-        known["is_flag"] = True
-        if "/" in spec.flag:
-            known["default"] = own.default
+        known["is_flag"], known["flag_value"] = True, not spec.switches_off
+        known["default"] = own.default if "/" in spec.flag else None
     elif spec.words:
         known["type"] = NumberOr(tuple(spec.words), whole=False)
     elif spec.word:
@@ -224,21 +218,8 @@ def library_options(stage: str, fields: Any = Options) -> list[Decorator]:
 
 
 def library_keywords(given: dict[str, Any], fields: Any = Options) -> dict[str, Any]:
-    """Options of the library given on the command line, by the names of their fields.
-
-    Options not given are left out: None, and absent flags without a counterpart.
-    """
-    out = {}
-    for name, spec in specs(fields).items():
-        value = given.get(_parameter(name, spec))
-        if value is None or (value is False and "/" not in spec.flag):
-            continue
-        out[name] = False if spec.switches_off else value
-    return out
-
-
-def _parameter(name: str, spec: Spec) -> str:
-    return f"no_{name}" if spec.switches_off else name
+    """Options of the library given on the command line, by the names of their fields."""
+    return {name: given[name] for name in specs(fields) if given.get(name) is not None}
 
 
 def echo_json(document: Any, indent: int | None = None) -> None:
@@ -266,9 +247,9 @@ def print_messages(
 ) -> None:
     """Warnings and notes on stderr, one line each behind ``place``."""
     for line in warnings:
-        progress.warn(place + line, given["quiet"])
+        progress.say("warning", place + line, given["quiet"])
     for line in notes:
-        progress.note(place + line, given["quiet"])
+        progress.say("note", place + line, given["quiet"])
 
 
 def check_gates(gates: Any, report: dict[str, Any], about: str) -> None:
@@ -292,7 +273,7 @@ def finish_unwrap(
 
 def complain(about: str, error: BaseException, several: bool = False) -> int:
     """Print the error of one mesh, alone or of several, for commands that go on; its exit code."""
-    click.echo(f"circparam: error: {exits.line_about(about, error, several)}", err=True)
+    progress.say("error", exits.line_about(about, error, several))
     return exits.exit_of(error)[0]
 
 
@@ -324,12 +305,12 @@ out_dir = path_option(
     section=INPUT,
 )  # fmt: skip
 
-format_option = library_option("format", type=Name("format", _formats, listed=True))
+_format = Name("format", lambda: formats.FORMATS.names(), listed=True)
+
+format_option = library_option("format", type=_format)
 
 named_format_option = library_option(
-    "format",
-    type=Name("format", _formats, listed=True),
-    help="Format of '-' (stdin, stdout), and of outputs without -o.",
+    "format", type=_format, help="Format of '-' (stdin, stdout), and of outputs without -o."
 )
 
 gates = value(

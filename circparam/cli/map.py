@@ -7,6 +7,7 @@ import click
 
 from circparam.cli import common, progress
 from circparam.cli.paths import check_output
+from circparam.core.imports import OnDemand
 
 _EPILOG = """\b
 Examples:
@@ -21,10 +22,7 @@ these landmarks, given by vertices of A.
 """
 
 
-def _methods() -> list[str]:
-    from circparam.solvers.tutte.weights import WEIGHTS
-
-    return WEIGHTS.tagged("positive")  # the others may fold
+weights: Any = OnDemand("circparam.solvers.tutte.weights")
 
 
 @click.command(epilog=_EPILOG)
@@ -36,7 +34,9 @@ def _methods() -> list[str]:
     common.value(
         "--method",
         "Weights of the convex maps: circle, mean-value, floater or uniform.",
-        type=common.Name("method", _methods),
+        type=common.Name(
+            "method", lambda: weights.WEIGHTS.tagged("positive")
+        ),  # the others may fold
         default="mean-value",
     ),
     common.switch("--charts", "Map chart to chart; the charts of both files correspond."),

@@ -55,16 +55,10 @@ OTHER_RUNS: dict[str, tuple[dict[str, int], ...]] = {
 }
 
 
-def warn(line: str, quiet: bool = False) -> None:
-    """A warning on stderr, in one line."""
+def say(kind: str, line: str, quiet: bool = False) -> None:
+    """An error, a warning, a note (the user need not act) or the progress on stderr, in one line."""
     if not quiet:
-        click.echo(f"circparam: warning: {line}", err=True)
-
-
-def note(line: str, quiet: bool = False) -> None:
-    """A note on the work, on stderr, in one line; the user need not act."""
-    if not quiet:
-        click.echo(f"circparam: note: {line}", err=True)
+        click.echo(f"circparam: {kind}: {line}", err=True)
 
 
 @contextlib.contextmanager
@@ -156,7 +150,7 @@ class Lines(Status):
         percent = int(100 * self.forward.fraction)
         if percent > self.shown:
             self.shown = percent
-            click.echo(f"circparam: progress: {percent} % {self.stage}", err=True)
+            say("progress", f"{percent} % {self.stage}")
 
 
 class Bar(Status):

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from circparam.cli import common
+from circparam.core.files import write_files
+from circparam.core.imports import OnDemand
+from circparam.errors import OptionError
 
 if TYPE_CHECKING:
     from circparam.samples import Sample
@@ -20,14 +23,11 @@ Examples:
 """
 
 
-def _names() -> list[str]:
-    from circparam import samples
-
-    return samples.names()
+samples: Any = OnDemand("circparam.samples")
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("name", required=False, type=common.Listed(_names))
+@click.argument("name", required=False, type=common.Listed(lambda: samples.names()))
 @common.output
 @common.overwrite
 @common.json_option
@@ -37,9 +37,6 @@ def command(name: str | None, output: str | None, overwrite: bool, as_json: bool
     Without NAME list all samples; with NAME describe one; with -o FILE save a copy. In a folder the copy keeps
     its name and its material library.
     """
-    from circparam import samples
-    from circparam.errors import OptionError
-
     given = {"as_json": as_json}
     if name is None:
         if output is not None:
@@ -72,10 +69,6 @@ def _table(rows: "tuple[Sample, ...]") -> list[Any]:
 
 def _save(sample: "Sample", output: str, overwrite: bool) -> list[str]:
     """Copy a sample and its files; returns the paths written."""
-    from circparam import samples
-    from circparam.core.files import write_files
-    from circparam.errors import OptionError
-
     main, *others = samples.files(sample.name)
     if output == "-":
         sys.stdout.buffer.write(main.read_bytes())

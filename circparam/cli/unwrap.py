@@ -119,7 +119,8 @@ def command(meshes: tuple[str, ...], **given: Any) -> int:
     outputs = [output_path(mesh, given) for mesh in asked]
     check_outputs(asked, outputs, given)
     for mesh in again:
-        progress.warn(f"{mesh}: skipped, because it is the output of another mesh", run.quiet)
+        line = f"{mesh}: skipped, because it is the output of another mesh"
+        progress.say("warning", line, run.quiet)
     codes = []
     with made_folder(given["out_dir"]):
         if given["one_atlas"]:
@@ -193,27 +194,15 @@ class _Run:
         label, searches = os.path.basename(mesh), self.options.searches
         with progress.listener(label, self.quiet, self.place, searches) as listener:
             monitor = monitor_of(self.options, listener, started)
+            from circparam.batch.mesh import write_mesh
             from circparam.formats.io import read
-            from circparam.pipeline.summary import summarise
-            from circparam.pipeline.unwrap import unwrap_document
 
             with monitor.stage("read"):
                 document = read(mesh, format=self.format if mesh == "-" else None, **self.reading)
             options = replace(self.options, format=self.format if out == "-" else None)
-            if self.look is None:
-                result, figures = unwrap_document(document, out, options, monitor), {}
-            else:
-                from circparam.bake.rebake import rebake_document
-
-                result, look = rebake_document(document, out, options, self.look, monitor)
-                figures = look.figures()
-            for name, kind in common.FURTHER.items():
-                if self.given[name]:
-                    from circparam.batch.mesh import write_further
-
-                    title = os.path.basename(result.path or "")
-                    write_further(kind, result, self.given[name], title, self.given["overwrite"])
-        report = summarise(result) | figures
+            named = {kind: self.given[name] for name, kind in common.FURTHER.items()}
+            further = {kind: path for kind, path in named.items() if path}
+            _, report = write_mesh(document, out, options, self.look, further, monitor)
         self.reports.append(report)
         common.finish_unwrap(self.given, self.gates, report, mesh, out)
 

@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from circparam.core.types import FloatArray, IntArray
+from circparam.core.own_process import Arrays
+from circparam.core.types import FloatArray
 from circparam.errors import OptionError
-from circparam.mesh.mesh import UVMap
 
 BASELINES = {"xatlas": "xatlas", "xatlas-default": "xatlas", "uvunwrap": "uvunwrap"}  # → package
 # texels of uvunwrap's page and between charts: the defaults of circparam
@@ -29,15 +29,17 @@ def require(name: str) -> None:
         raise OptionError(f"{package} is not installed: pip install 'circparam[baseline]'")
 
 
-def atlas(points: FloatArray, faces: IntArray, name: str) -> tuple[UVMap, dict[str, float]]:
-    """An atlas by a baseline: (layout over the faces, seconds).
+def task(arrays: Arrays, settings: dict[str, Any]) -> tuple[Arrays, dict[str, Any]]:
+    """An atlas by a baseline, as a task for ``circparam.core.own_process``.
 
-    points: (n, 3), faces: (m, 3). The packages work in float32 and normalise uv for each axis of their page.
-    The layout here lies undistorted in the unit square, and further pages lie to the right. Faces without a
-    chart have uv_faces −1. Raises OptionError if the package is not installed.
+    arrays: points (n, 3), faces (m, 3). settings: method, the name of the baseline. Returns uv and uv_faces,
+    and seconds under ``stages``. The packages work in float32 and normalise uv for each axis of their page. The
+    layout here lies undistorted in the unit square, and further pages lie to the right. Faces without a chart
+    have uv_faces −1. Raises OptionError if the package is not installed.
     """
+    name = settings["method"]
     require(name)
-    mesh = points.astype(np.float32), faces.astype(np.uint32)
+    mesh = arrays["points"].astype(np.float32), arrays["faces"].astype(np.uint32)
     start = time.perf_counter()
     size, (uv, index, page) = (_by_uvunwrap if name == "uvunwrap" else _by_xatlas)(*mesh, name)
     seconds = {"atlas": time.perf_counter() - start}
@@ -45,7 +47,7 @@ def atlas(points: FloatArray, faces: IntArray, name: str) -> tuple[UVMap, dict[s
     uv[:, 0] += np.maximum(page, 0)
     index = np.asarray(index).astype(np.int64).reshape(-1, 3)
     index[(page[index] < 0).any(1)] = -1
-    return UVMap(uv, index), seconds
+    return {"uv": uv, "uv_faces": index}, {"stages": seconds}
 
 
 def _by_xatlas(points: Any, faces: Any, name: str) -> tuple[FloatArray, _Made]:
@@ -75,9 +77,3 @@ def _by_uvunwrap(points: Any, faces: Any, name: str) -> tuple[FloatArray, _Made]
     made = work.meshes[0]
     size = np.array([work.width, work.height], np.float64)
     return size, (made.uv, made.indices, np.asarray(made.page, np.int64))
-
-
-def task(arrays: dict[str, Any], settings: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """``atlas`` as a task for ``circparam.core.own_process``."""
-    uvmap, seconds = atlas(arrays["points"], arrays["faces"], settings["method"])
-    return {"uv": uvmap.uv, "uv_faces": uvmap.uv_faces}, {"stages": seconds}

@@ -28,10 +28,8 @@ TIMED_METHOD, TIMED_PEER = "circle", "floater"
 PRINTED_TIMES = {
     60: (40, 50), 120: (120, 140), 180: (251, 321), 240: (511, 601), 300: (912, 1062), 600: (2323, 2664),
 }  # fmt: skip
-PRINTED_RATIOS = (
-    1.147,
-    1.279,
-)  # smallest and largest ratio in the source; its text says 20 to 30 %
+# smallest and largest ratio in the source; its text says 20 to 30 %
+PRINTED_RATIOS = (1.147, 1.279)
 RUNS = 31
 
 

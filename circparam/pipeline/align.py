@@ -55,9 +55,8 @@ def align(
     texels = (uv - origin) * side
     moved = _moved(cut_mesh, texels, options)
     tile = page if group is None else page + (int(page.max()) + 1) * group
-    tile = np.unique(tile, return_inverse=True)[1].reshape(-1)
     asked = replace(pack_options(options), pages=1, padding=options.padding_texels)
-    for k in range(int(tile.max()) + 1):
+    for k in np.unique(tile):
         part, vertices, _ = cut_mesh.subset(tile == k)
         moved[vertices] = _with_room(part, texels[vertices], moved[vertices], asked)
     return moved / side + origin

@@ -13,7 +13,7 @@ from circparam.core.limits import mip_level
 from circparam.core.plural import counted
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document, WriteOptions
-from circparam.formats.io import output_format, read, read_data
+from circparam.formats.io import check_place, check_target, output_format, read, read_data
 from circparam.formats.memory import from_arrays, from_trimesh
 from circparam.formats.source import Source
 from circparam.formats.table import default_output, takes_unshare
@@ -25,7 +25,7 @@ from circparam.methods.base import MethodOptions
 from circparam.packing.options import PackOptions, pages_needed, too_dense
 from circparam.pipeline.options import AUTO, Options
 from circparam.pipeline.seam_weights import edge_weights
-from circparam.pipeline.selection import find_groups
+from circparam.pipeline.selection import find_groups, joint
 from circparam.pipeline.verify import uv_seams
 from circparam.seams.options import SeamOptions, Search
 
@@ -77,6 +77,18 @@ def target_format(
     if output is not None and os.fspath(output) != "-":
         return output_format(output)
     return default_output(document.format)
+
+
+def check_output(
+    document: Document, output: str | os.PathLike[str], target: str, options: Options
+) -> None:
+    """Refuse an output before the work: no place for its uv, or an existing file. Raises OptionError.
+
+    target: its format. Nothing lies in the place of '-', standard output.
+    """
+    check_target(document, target, write_options(options))
+    if os.fspath(output) != "-":
+        check_place(output, document, target, options.overwrite)
 
 
 def write_options(o: Options, uv_double: bool = False, group_by: str | None = None) -> WriteOptions:
@@ -143,9 +155,9 @@ def _cut_between(document: Document, surface: Surface, o: Options) -> IntArray |
     several = groups is not None and len(np.unique(groups)) > 1
     if o.cut_materials and not several:
         raise OptionError("--cut-materials has no effect: the file has one material; leave it out")
-    kinds = []
+    kinds: list[IntArray] = []
     asked = o.cut_materials is None and not o.lightmap  # one image for all of them
-    if several and (o.cut_materials or asked) and o.cut != "none":
+    if groups is not None and several and (o.cut_materials or asked) and o.cut != "none":
         kinds.append(groups)
     if o.grouped:
         kinds.append(document.labels(str(o.group_by)))
@@ -155,10 +167,7 @@ def _cut_between(document: Document, surface: Surface, o: Options) -> IntArray |
         dense = np.zeros(len(document.mesh.faces))
         dense[surface.source] = surface.density
         kinds.append(np.unique(dense, return_inverse=True)[1].reshape(-1))
-    out: IntArray | None = None
-    for label in kinds:
-        out = label if out is None or label is None else out * (int(label.max()) + 1) + label
-    return out
+    return joint(kinds) if kinds else None
 
 
 def check_scene(document: Document, o: Options) -> None:

@@ -47,10 +47,8 @@ def find_floaters(document: Document, surface: Surface, least: float) -> tuple[S
     polygons = document.mesh.polygons
     first = np.arange(m)
     if polygons is not None:
-        own = polygons[surface.source]
-        some = np.full(int(polygons.max()) + 1, m)
-        np.minimum.at(some, own, first)
-        first = some[own]
+        _, head, own = np.unique(polygons[surface.source], return_index=True, return_inverse=True)
+        first = head[own]
     n, label = components(m, np.r_[e[:, 0], np.arange(m)], np.r_[e[:, 1], first])
     area = group_sum(surface.areas, label, n)
     small = area < least * area.sum()

@@ -3,7 +3,6 @@
 import operator
 import re
 from collections.abc import Callable
-from dataclasses import field
 from typing import Any
 
 from circparam.core.records import dataclass
@@ -60,7 +59,7 @@ class Gate:
 class Gates:
     """The conditions of ``--fail-if``."""
 
-    gates: tuple[Gate, ...] = field(default_factory=tuple)
+    gates: tuple[Gate, ...] = ()
 
     def missed(self, report: dict[str, Any]) -> list[str]:
         """The conditions that hold for a report, one line each."""

@@ -14,7 +14,7 @@ from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
-from circparam.formats.io import check_place, check_target, rounding, stored
+from circparam.formats.io import rounding, stored
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.cut_mesh import CutMesh
 from circparam.mesh.mesh import UVMap
@@ -22,13 +22,13 @@ from circparam.mesh.repair import RepairOptions, RepairReport, repair
 from circparam.mesh.restore import complete
 from circparam.mesh.surface import Surface
 from circparam.pipeline.configure import (
+    check_output,
     check_scene,
     check_texel_density,
     pack_options,
     seam_options,
     target_format,
     tiles_of,
-    write_options,
 )
 from circparam.pipeline.density import Density, find_density, of_charts
 from circparam.pipeline.floaters import Floaters, find_floaters, with_patch
@@ -143,9 +143,7 @@ def prepare(
     target = target_format(document, output, options)
     check_scene(document, options)
     if output is not None:
-        check_target(document, target, write_options(options))
-        if os.fspath(output) != "-":
-            check_place(output, document, target, options.overwrite)
+        check_output(document, output, target, options)
     with monitor.stage("repair"):
         allowed = RepairOptions(options.weld or 0.0, options.repair, by_position=True)
         density = find_density(document, options.density)

@@ -17,6 +17,7 @@ from typing import Any
 
 from circparam.core import limits
 from circparam.core.fields import Range, check, option, specs
+from circparam.core.imports import OnDemand
 from circparam.core.records import dataclass
 from circparam.core.registry import did_you_mean
 from circparam.core.workers import cores
@@ -40,25 +41,9 @@ TIMED_SEARCHES = 60  # searches at most where a timeout alone says how many
 DRAFT_PACKING_EFFORT = 0.12
 
 
-# names that the tables of the library know, read when they are needed
-def _methods() -> list[str]:
-    from circparam.methods import METHODS
-
-    return METHODS.names()
-
-
-def _starts() -> list[str]:
-    """Convex maps with positive weights: possible starts of isometric."""
-    from circparam.methods import METHODS
-
-    return METHODS.tagged("positive")
-
-
-def _boundaries() -> list[str]:
-    from circparam.solvers.tutte.boundary import BOUNDARIES
-
-    return BOUNDARIES.names()
-
+# tables of the library, read when their names are needed
+_methods: Any = OnDemand("circparam.methods")
+_boundaries: Any = OnDemand("circparam.solvers.tutte.boundary")
 
 # options of one stage with one condition
 _of_methods = partial(option, "flattening", applies=applies.accepted)
@@ -85,12 +70,15 @@ class Options:
     # fmt: off
     method: str = option(
         "method", "How charts are flattened: see circparam methods.",
-        default=DEFAULT_METHOD, short="-m", shown=DEFAULT_METHOD, names=_methods,
+        default=DEFAULT_METHOD, short="-m", shown=DEFAULT_METHOD, names=lambda: _methods.METHODS.names(),
     )
-    start: str | None = _of_methods("Layout that isometric starts from.", shown="circle", names=_starts)
+    start: str | None = _of_methods(  # convex maps with positive weights
+        "Layout that isometric starts from.", shown="circle",
+        names=lambda: _methods.METHODS.tagged("positive"),
+    )
     boundary: str | None = _of_methods(
         "Boundary of convex methods: circle, square, virtual, polygon FILE.", metavar="NAME", shown="circle",
-        names=_boundaries,
+        names=lambda: _boundaries.BOUNDARIES.names(),
     )
     polygon: Any = option(
         "corners", "Corners of --boundary polygon.", flag="--boundary polygon", applies=applies.with_polygon

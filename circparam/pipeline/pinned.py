@@ -6,7 +6,7 @@ format cannot store their places, else before anything is written.
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, mask_of, positions_in
+from circparam.core.arrays import FloatArray, IntArray, mask_of, positions_in, scattered
 from circparam.core.plural import counted
 from circparam.errors import NoResultError, OptionError
 from circparam.formats.document import Document
@@ -60,8 +60,7 @@ def pins_of(job: Job, cut_mesh: CutMesh, pins: FloatArray) -> Pins:
     number, places = pin_rows(pins)
     surface, weld = job.surface, job.repair_report.weld
     bad = np.flatnonzero((number < 0) | (number >= len(weld)))
-    vertex = np.full(len(surface.points), -1)
-    vertex[surface.faces.ravel()] = cut_mesh.faces.ravel()
+    vertex = scattered(len(surface.points), surface.faces.ravel(), cut_mesh.faces.ravel())
     if len(bad) == 0:
         bad = np.flatnonzero(vertex[weld[number]] < 0)
     if len(bad):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from circparam.core.arrays import scattered
 from circparam.core.plural import counted
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -190,11 +191,9 @@ def with_status(result: Result, expired: bool) -> Result:
     if options.grouped and result.tiles is not None and not result.tiles.any():
         one = options.group_by
         warnings.append(f"--group-by {one} has no effect: the file has one {one}, and so one atlas")
-    charts = np.full(len(result.mesh.faces), -1)
-    charts[result.surface.source] = found.cut_mesh.chart
     return replace(
         result,
-        charts=charts,
+        charts=scattered(len(result.mesh.faces), result.surface.source, found.cut_mesh.chart),
         status="degraded" if wrong else "repaired" if result.repairs else "ok",
         reasons=wrong or list(result.repairs),
         warnings=warnings + wrong,

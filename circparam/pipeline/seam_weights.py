@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import FloatArray, IntArray, edge_keys, next_half_edge
+from circparam.core.arrays import FloatArray, IntArray, edge_keys, ends_of, found_in
 from circparam.core.fields import shown
 from circparam.errors import InputError, OptionError
 from circparam.formats.document import Document
@@ -24,9 +24,7 @@ def edge_weights(
     of the edge itself comes first. Raises OptionError if nothing named is in the mesh, or the file has no
     colours; InputError for weights that are negative or no numbers.
     """
-    flat = surface.faces.ravel()
-    h = surface.edges[:, 0]
-    a, b = flat[h], flat[next_half_edge(h)]
+    a, b = ends_of(surface.faces, surface.edges[:, 0])
     if isinstance(given, str):
         at_vertex = _painted(document, surface, given)
         return np.asarray((at_vertex[a] + at_vertex[b]) / 2)
@@ -57,14 +55,12 @@ def edge_weights(
     weights = (at_vertex[a] + at_vertex[b]) / 2
     pairs = repairs.weld[rows[~single, :2].astype(np.int64)]
     n = len(surface.points)
-    asked, key = edge_keys(pairs[:, 0], pairs[:, 1], n), edge_keys(a, b, n)
-    order = np.argsort(asked, kind="stable")
-    at = np.searchsorted(asked[order], key, side="right") - 1  # of several lines the last counts
+    asked = edge_keys(pairs[::-1, 0], pairs[::-1, 1], n)  # of several lines the last counts
+    at = found_in(asked, edge_keys(a, b, n))
     hit = at >= 0
-    hit[hit] = asked[order][at[hit]] == key[hit]
     if len(pairs) and not hit.any() and not single.any():
         raise OptionError(f"--seam-weights names no edge of the mesh: none joins {_ends(rows[0])}")
-    weights[hit] = rows[~single, 2][order][at[hit]]
+    weights[hit] = rows[~single, 2][::-1][at[hit]]
     return np.asarray(weights)
 
 

@@ -6,6 +6,7 @@ Groups get pages of their own (``--pages-by``), or lie together (``--group-by``)
 import difflib
 import os
 from collections.abc import Iterable, Iterator
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,11 @@ def _numbered(document: Document, given: NDArray[Any], flag: str) -> BoolArray:
         )
     chosen = mask_of(count, given)
     return chosen[own]
+
+
+def joint(labels: Iterable[IntArray]) -> IntArray:
+    """(m,) one label for each combination of several labels (m,) from 0 on."""
+    return reduce(lambda whole, label: whole * (int(label.max()) + 1) + label, labels)
 
 
 @dataclass(frozen=True, eq=False)

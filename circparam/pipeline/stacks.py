@@ -16,7 +16,7 @@ from circparam.mesh.repair import RepairReport
 from circparam.mesh.surface import Surface
 from circparam.pipeline.options import Options
 from circparam.pipeline.seam_weights import edge_weights
-from circparam.pipeline.selection import NamedGroups
+from circparam.pipeline.selection import NamedGroups, joint
 from circparam.pipeline.verify import BOUND_SLACK, Declared, Verification, corners_of, uv_seams
 
 COUNTS = ("parts", "kinds", "copies", "mirrored", "apart")  # of ``Stacks``, in a report
@@ -85,14 +85,13 @@ def find_stacks(
     shape = surface.reversed_faces.astype(np.int64)
     named = _named(document, surface, report, options)
     shape[named] = 2 + component[named]
-    kind, several = shape, False
-    dense = None if surface.density is None else np.unique(surface.density, return_inverse=True)[1]
     own = None if groups is None else groups.label
-    for label in (document.mesh.groups, tiles, own, dense):
-        if label is not None:
-            each = label if label is dense else label[surface.source]
-            several |= bool((each != each[0]).any())
-            kind = kind * (int(each.max()) + 1) + each
+    of_file = [label for label in (document.mesh.groups, tiles, own) if label is not None]
+    labels = [label[surface.source] for label in of_file]
+    if surface.density is not None:
+        labels.append(np.unique(surface.density, return_inverse=True)[1])
+    several = any((label != label[0]).any() for label in labels)
+    kind = joint([shape, *labels])
     mirror = options.stack == "mirrored"
 
     def found(label: IntArray) -> Congruent:

@@ -130,7 +130,7 @@ def fit_stored(job: Job, cascade: Cascade, monitor: Monitor) -> Fitted:
         uvmap = job.completed(cut_mesh, stored.uv, stored.double)
         cascade = cascade.noted(*placed.notes, *stored.notes)
         fitted = Fitted(cascade, uvmap, stored.double)
-        if not (stored.fault > 0).any():
+        if stored.sound:
             break
         after = fallback.advance(cascade, stored.fault, monitor)
         if after is None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import IntArray, relabel, sorted_distinct
+from circparam.core.arrays import IntArray, relabel, scattered, sorted_distinct
 from circparam.core.records import dataclass
 from circparam.errors import InputError
 from circparam.formats.document import Document
@@ -57,8 +57,7 @@ def verify_set(
     if image is None:
         return found
     cut_mesh = found.verification.cut_mesh
-    of_chart = np.full(cut_mesh.n_charts, -1)
-    of_chart[cut_mesh.chart] = image[surface.source]
+    of_chart = scattered(cut_mesh.n_charts, cut_mesh.chart, image[surface.source])
     pairs = of_chart[found.verification.overlapping_pairs]
     if (pairs[:, 0] == pairs[:, 1]).all():
         return found

@@ -18,7 +18,7 @@ from circparam.pipeline.stacks import stacked_figures
 
 if TYPE_CHECKING:
     from circparam.pipeline.inspect import Inspection
-    from circparam.pipeline.unwrap import Result
+    from circparam.pipeline.result import Result
 
 
 SCHEMA = "circparam/{}/1"

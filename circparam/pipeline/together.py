@@ -8,24 +8,18 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from circparam.core.fields import flag, specs
 from circparam.core.monitor import Listener, Monitor
 from circparam.core.plural import counted, listed, percent
 from circparam.core.records import dataclass
 from circparam.core.types import IntArray
 from circparam.errors import OptionError, OutputError
 from circparam.formats.document import Document
-from circparam.formats.io import (
-    Written,
-    check_place,
-    check_target,
-    output_format,
-    stage,
-    write_staged,
-)
+from circparam.formats.io import Written, output_format, stage, write_staged
 from circparam.formats.joined import JoinedDocument, join, joined_layout
 from circparam.formats.table import output_suffix, takes_unshare
 from circparam.geometry.intrinsic import signed_areas
-from circparam.pipeline.configure import open_sources, write_options
+from circparam.pipeline.configure import check_output, open_sources, write_options
 from circparam.pipeline.jobs import monitor_of
 from circparam.pipeline.keywords import Keywords
 from circparam.pipeline.named_numbers import EVEN, SOURCE
@@ -152,8 +146,7 @@ def check_together(
         raise OptionError("no mesh is given: name some")
     for name, what in OF_ONE_FILE.items():
         if getattr(options, name) is not None:
-            flag = "--pin" if name == "pins" else "--" + name.replace("_", "-")
-            raise OptionError(f"{flag} names {what}")
+            raise OptionError(f"{flag(name, specs(Options)[name])} names {what}")
     loose = not options.packed or options.scale is False
     weights = options.seam_weights not in (None, "colour")
     named = options.density is not None and str(options.density) not in (EVEN, SOURCE)
@@ -181,9 +174,7 @@ def check_together(
             raise OutputError(
                 f"{output}: the folder {str(output.parent)!r} does not exist: create it"
             )
-        name = output_format(output)
-        check_target(document, name, write_options(options))
-        check_place(output, document, name, options.overwrite)
+        check_output(document, output, output_format(output), options)
 
 
 def save_together(

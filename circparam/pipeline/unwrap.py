@@ -322,6 +322,3 @@ def verify_and_save(
         elif look.begun or surface is not found.surface:
             found = replace(found, seen=look.result)
     return replace(result, verification=found, seconds=dict(monitor.seconds))
-
-
-__all__ = ["Options", "Result", "repack", "save", "unwrap", "unwrap_document"]

@@ -10,9 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import BoolArray, FloatArray, IntArray, group_count, group_sum, relabel
+from circparam.core.arrays import first_of_each, group_count, group_sum, relabel
 from circparam.core.plural import counted, percent
 from circparam.core.records import dataclass
+from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.errors import InputError
 from circparam.geometry.coverage import Coverage, chart_boxes, cover, pages_of
 from circparam.geometry.distortion import Measures, measure
@@ -327,9 +328,7 @@ def reversed_charts(surface: Surface, cut_mesh: CutMesh) -> BoolArray:
     signed = np.where(surface.reversed_faces, -surface.areas, surface.areas)
     balance = group_sum(signed, cut_mesh.chart, n)
     even = np.abs(balance) <= EVEN_AREA_SHARE * group_sum(surface.areas, cut_mesh.chart, n)
-    charts, first = np.unique(cut_mesh.chart, return_index=True)
-    front = np.zeros(n, bool)
-    front[charts] = surface.reversed_faces[first]
+    front = surface.reversed_faces[first_of_each(cut_mesh.chart, n)]
     return np.where(even, front, balance < 0)
 
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import ParamSpec, TypeAlias, TypeVar
 
-from circparam.core.fields import Spec, flag, specs, types_of
+from circparam.core.fields import Spec, specs, types_of
 from circparam.errors import CircparamError
 from circparam.pipeline.options import ALIASES, Options
 
@@ -32,7 +32,7 @@ def _flags() -> dict[str, tuple[str, Spec]]:
     out: dict[str, tuple[str, Spec]] = {}
     for name, spec in known.items():
         # --boundary polygon is a value of --boundary, and the corners have no flag of their own
-        spellings = [flag(name, spec), *spec.flag.split("/"), "--" + name.replace("_", "-")]
+        spellings = [*spec.flag.split("/"), "--" + name.replace("_", "-")]
         out |= {spelling: (name, spec) for spelling in spellings if " " not in spelling}
     return out | {
         "--" + old.replace("_", "-"): (name, known[name]) for old, name in ALIASES.items()

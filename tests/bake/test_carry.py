@@ -51,10 +51,16 @@ def page(document: GltfDocument) -> UVMap:
 
 
 def carried(
-    document: GltfDocument, size: int = 512, uv_set: int = 0, look: LookOptions = PLAIN
+    document: GltfDocument,
+    size: int = 512,
+    uv_set: int = 0,
+    look: LookOptions = PLAIN,
+    mirrored: bool = False,
 ) -> GltfDocument:
-    """A document after its images went into ``page``, written and read back."""
+    """A document after its images went into ``page``, or its mirror image, written and read back."""
     layout = page(document)
+    if mirrored:
+        layout = UVMap([1, 0] + layout.uv * [-1, 1], layout.uv_faces)
     made, _ = carry(Source.of(document), layout, uv_set, size, look)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     return read_data(encode(document.dressed(made), layout, "glb", options=options).data)
@@ -135,12 +141,17 @@ def space_normals(document: GltfDocument, face: np.ndarray, bary: FloatArray) ->
     return out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
-def test_normals_turn_into_the_new_tangents() -> None:
-    """The second sheet lies turned by a quarter in the new layout, and its old uv were turned before."""
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_normals_turn_into_the_new_tangents(mirrored: bool) -> None:
+    """The second sheet lies turned by a quarter in the new layout, and its old uv were turned before.
+
+    A mirrored layout reverses the bitangent: w is −1.
+    """
     g = Painted()
     info = {"index": g.texture(bumps(3)), "texCoord": 1, "scale": 0.8}
     before = read_model([{"normalTexture": info}, {"normalTexture": dict(info)}], g)
-    after = carried(before)
+    after = carried(before, mirrored=mirrored)
+    assert (after.tangents()[..., 3] == (-1 if mirrored else 1)).all()
     face, bary = surface_points(before)
     old, new = space_normals(before, face, bary), space_normals(after, face, bary)
     assert psnr(0.5 + 0.5 * old, 0.5 + 0.5 * new) >= 40
@@ -164,11 +175,15 @@ def test_normals_of_the_file_are_told_in_the_tangents_of_the_file() -> None:
     assert psnr(0.5 + 0.5 * old, 0.5 + 0.5 * new) >= 40
 
 
-def test_an_anisotropic_surface_keeps_its_direction() -> None:
-    """Direction in space = texel turned by anisotropyRotation, told in the tangents; here without any
-    texture."""
+@pytest.mark.parametrize("angle", [None, 0.9])
+def test_an_anisotropic_surface_keeps_its_direction(angle: float | None) -> None:
+    """Direction in space = texel turned by anisotropyRotation, told in the tangents; None: no texture."""
     g = Painted()
-    held = {"anisotropyStrength": 0.5, "anisotropyRotation": 0.6}
+    held: dict[str, Any] = {"anisotropyStrength": 0.5, "anisotropyRotation": 0.6}
+    if angle is not None:
+        texel = np.round([127.5 * (1 + np.cos(angle)), 127.5 * (1 + np.sin(angle)), 255])
+        image = np.broadcast_to(texel.astype(np.uint8), (8, 8, 3))
+        held["anisotropyTexture"] = {"index": g.texture(image)}
     colour = {"baseColorTexture": {"index": g.texture(waves(1))}}
     material = {"pbrMetallicRoughness": colour, "extensions": {"KHR_materials_anisotropy": held}}
     before = read_model([material], g)
@@ -183,7 +198,8 @@ def test_an_anisotropic_surface_keeps_its_direction() -> None:
         return out / np.linalg.norm(out, axis=1, keepdims=True)
 
     texel = look_up(after, new["anisotropyTexture"], face, bary, False)
-    told = np.tile([np.cos(0.6), np.sin(0.6)], (len(face), 1))
+    turned = 0.6 + (angle or 0.0)
+    told = np.tile([np.cos(turned), np.sin(turned)], (len(face), 1))
     cosine = (direction(before, told) * direction(after, texel[:, :2] * 2 - 1)).sum(1)
     assert np.median(cosine) > 0.9999
     assert (cosine > 0.99).mean() > 0.99

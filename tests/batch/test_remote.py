@@ -15,9 +15,10 @@ pytest.importorskip("moto.server")
 
 import circparam
 from circparam.batch import store
-from circparam.batch.batch import BatchPlan, run_batch, status
+from circparam.batch.batch import run_batch, status
 from circparam.batch.cluster import Cluster
 from circparam.batch.manifest import journal, read_lines
+from circparam.batch.run import BatchPlan
 from circparam.batch.sources import Listing
 from circparam.batch.store import Folder
 from circparam.batch.task import fetch

@@ -24,9 +24,9 @@ pytest.importorskip("distributed")
 
 import circparam
 from circparam import samples
-from circparam.batch.batch import BatchPlan, Hooks, Summary, run_batch, status
+from circparam.batch.batch import Summary, run_batch, status
 from circparam.batch.manifest import encode_line
-from circparam.batch.run import MOST_ATTEMPTS
+from circparam.batch.run import MOST_ATTEMPTS, BatchPlan, Hooks
 from circparam.core.workers import environment
 from circparam.errors import InputError, NoResultError, OptionError, OutputError
 from circparam.pipeline.gates import Gates

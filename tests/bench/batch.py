@@ -20,9 +20,10 @@ import numpy as np
 import psutil
 
 import circparam
-from circparam.batch.batch import BatchPlan, Hooks, run_batch
+from circparam.batch.batch import run_batch
 from circparam.batch.process import WarmServer
 from circparam.batch.progress import Progress
+from circparam.batch.run import BatchPlan, Hooks
 from circparam.batch.settings import Settings
 from circparam.cli import exits
 from circparam.core.workers import environment

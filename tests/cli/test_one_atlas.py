@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -152,10 +153,12 @@ def test_one_atlas_in_python(folder: Path, tmp_path: Path) -> None:
     assert shared.result.verification.valid
     written = {*names, "a.bin", "b.bin", "atlas_base_color.png"}
     assert {p.name for p in tmp_path.iterdir()} == written
+    again = re.escape(str(tmp_path / "f.glb"))
     for meshes, named, said in (
         ([read(folder / "one.glb").mesh], None, "no name"),
         (files(folder)[:2], ["a.glb"], "1 names for 2 meshes"),
         ([folder / "one.glb"] * 2, ["c.glb", "d.glb"], "named twice"),
+        (files(folder)[:2] + files(folder)[3:], ["e.glb", "f.glb", "f.glb"], f"to {again}: rename"),
     ):
         with pytest.raises(OptionError, match=said):
             circparam.unwrap_together(meshes, tmp_path, names=named)

@@ -17,8 +17,8 @@ from tests.support.command_line import Terminal
 def test_lines_for_people_and_none_with_quiet(capsys: pytest.CaptureFixture[str]) -> None:
     """Without a terminal there is no bar; no time is told before anything is known."""
     for quiet in (False, True):
-        progress.warn("careful", quiet=quiet)
-        progress.note("done so", quiet=quiet)
+        progress.say("warning", "careful", quiet)
+        progress.say("note", "done so", quiet)
     said = "circparam: warning: careful\ncircparam: note: done so\n"
     assert capsys.readouterr() == ("", said)
     with progress.listener("m.obj", False) as listener:

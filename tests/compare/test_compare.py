@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from circparam import errors, samples
-from circparam.compare.baselines import BASELINES, atlas
+from circparam.compare.baselines import BASELINES, task
 from circparam.compare.compare import compare, method_names
 from circparam.compare.rows import COMPARED_FIGURES, INPUT_ROW, Comparison, Entry
 from circparam.core import own_process
@@ -106,10 +106,10 @@ def test_the_page_of_a_baseline_is_undone(name: str) -> None:
     pytest.importorskip(BASELINES[name])
     points, faces = shapes.grid(9, 3)
     points = points * [4, 1, 1]
-    uvmap, seconds = atlas(points, faces, name)
-    assert seconds["atlas"] > 0
-    assert 0 <= uvmap.uv.min() < uvmap.uv.max() <= 1
-    flat, before = uvmap.uv[uvmap.uv_faces], points[faces]
+    made, info = task({"points": points, "faces": faces}, {"method": name})
+    assert info["stages"]["atlas"] > 0
+    assert 0 <= made["uv"].min() < made["uv"].max() <= 1
+    flat, before = made["uv"][made["uv_faces"]], points[faces]
     ratio = np.linalg.norm(flat - flat[:, [1, 2, 0]], axis=2)
     ratio /= np.linalg.norm(before - before[:, [1, 2, 0]], axis=2)
     np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-3)

@@ -10,9 +10,10 @@ import circparam
 from circparam.core.monitor import Monitor
 from circparam.errors import OutputError
 from circparam.pipeline.checkpoint import checkpoint_path
+from circparam.pipeline.configure import open_source
 from circparam.pipeline.job import prepare
 from circparam.pipeline.options import Options
-from circparam.pipeline.unwrap import open_source, unwrap_document
+from circparam.pipeline.unwrap import unwrap_document
 from tests.support import shapes
 from tests.support.command_line import obj
 

@@ -12,7 +12,8 @@ from circparam.formats.memory import from_arrays
 from circparam.mesh.atlas import Atlas
 from circparam.mesh.surface import Surface
 from circparam.pipeline.options import Options
-from circparam.pipeline.unwrap import Result, unwrap_document
+from circparam.pipeline.result import Result
+from circparam.pipeline.unwrap import unwrap_document
 from circparam.seams.reached import Reached, in_time
 from tests.support import parts, shapes
 from tests.support.atlases import cut_between, middles, surface_of
