@@ -317,12 +317,10 @@ def fitted(slot: Slot, texel: FloatArray, own: FloatArray, common: FloatArray) -
     if (own == common).all():
         return texel
     if slot.kind == "range":
-        out: FloatArray = own[0] - common[0] + (own[1] - own[0]) * texel
-        out /= max(common[1] - common[0], 1e-300)
-        return out
+        above = own[0] - common[0] + (own[1] - own[0]) * texel
+        return above / max(common[1] - common[0], 1e-300)
     ratio = np.divide(own, common, out=np.ones_like(own), where=common != 0)
-    out = 1 + (texel - 1) * ratio if slot.kind == "occlusion" else texel * ratio
-    return out
+    return 1 + (texel - 1) * ratio if slot.kind == "occlusion" else texel * ratio
 
 
 def with_cutoff(alpha: FloatArray, own: float, common: float) -> FloatArray:

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter
 from circparam.bake.carry import Part, Work, in_space, texels_shown
 from circparam.bake.look_source import Source
 from circparam.bake.texels import Texels
+from circparam.core.arrays import positions_in
 from circparam.core.types import FloatArray, IntArray
 from circparam.formats.looks import Group, Slot
 from circparam.formats.materials import srgb
@@ -39,8 +40,7 @@ def check_look(source: Source, result: Source, face_map: IntArray) -> dict[str, 
     face_map: (m,) face of the source of each face of the result.
     """
     levels: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    back = np.empty(len(face_map), np.int64)
-    back[face_map] = np.arange(len(face_map))
+    back = positions_in(len(face_map), face_map)
     slots = {
         slot
         for k in np.unique(source.looks.face).tolist()

@@ -158,9 +158,7 @@ def rebake_document(
     back = replace(result.options, format=options.format)
     dressed = replace(result, document=document.dressed(carried), options=back)
     saved = save(dressed, output, monitor)
-    carried_look = as_written(carried_look, document, [saved.path])
-    if look.check_look:
-        carried_look = replace(carried_look, checked=_checked(source, saved, monitor))
+    carried_look = _finished(carried_look, source, saved, look, monitor)
     warnings = [*saved.warnings, *carried_look.notes]
     return replace(saved, warnings=warnings, seconds=dict(monitor.seconds)), carried_look
 
@@ -237,12 +235,18 @@ def as_written(
     return replace(carried_look, draw_calls=(before, sum(known)))
 
 
-def _checked(source: Source, written: Result | Written, monitor: Monitor) -> dict[str, Any]:
-    """The figures of --check-look for a written file."""
+def _finished(
+    carried_look: Look, source: Source, written: Result | Written, look: LookOptions, monitor: Monitor
+) -> Look:  # fmt: skip
+    """The figures with those of a written file: its draw calls, and those of --check-look where asked for."""
+    carried_look = as_written(carried_look, source.document, [written.path])
+    if not look.check_look:
+        return carried_look
     faces = np.arange(len(source.looks.face))
     face_map = faces if written.face_map is None else written.face_map
     with monitor.stage("look"):
-        return check_look(source, Source.of(read(str(written.path))), face_map)
+        checked = check_look(source, Source.of(read(str(written.path))), face_map)
+    return replace(carried_look, checked=checked)
 
 
 def _at_size(result: Result, size: int, grows: bool) -> Result:
@@ -298,10 +302,7 @@ def bake_all(
     carried_look = _look(found, layout, carried, texels)
     options = WriteOptions(uv_set=uv_set, overwrite_uv=True)
     written = write(output, origin.dressed(carried), layout, options=options, overwrite=overwrite)
-    carried_look = as_written(carried_look, origin, [written.path])
-    if look.check_look:
-        carried_look = replace(carried_look, checked=_checked(found, written, monitor))
-    return written, carried_look
+    return written, _finished(carried_look, found, written, look, monitor)
 
 
 def check_page(options: Options) -> None:

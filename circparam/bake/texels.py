@@ -123,5 +123,5 @@ def density(old: FloatArray, new: FloatArray) -> FloatArray:
     old, new: (m, 3, 2) corners in texels. NaN if a face has no area in either.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        out: FloatArray = np.sqrt(flat_areas(old) / flat_areas(new))
+        out = np.sqrt(flat_areas(old) / flat_areas(new))
     return np.where(np.isfinite(out), out, np.nan)

@@ -11,7 +11,7 @@ from PIL import Image
 from circparam.bake.bake import Across, Baked, Texels, bake_document
 from circparam.bake.projection import own_frames
 from circparam.core.files import check_free, write_files
-from circparam.core.plural import counted
+from circparam.core.plural import counted, listed, plural
 from circparam.errors import CircparamError, InputError, OptionError
 from circparam.formats.document import FIRST_UDIM, Document, WriteOptions, turned, y_up
 from circparam.formats.gltf.buffers import Packing
@@ -274,5 +274,4 @@ def _textures(document: Document, uv_set: int | None) -> list[str]:
 
 
 def _named(slots: list[str]) -> str:
-    *most, last = slots
-    return f"{', '.join(most)} and {last} textures" if most else f"{last} texture"
+    return f"{listed(slots, len(slots))} {plural(len(slots), 'texture')}"

@@ -57,8 +57,6 @@ def ranges(counts: IntArray) -> IntArray:
 
 def first_of_runs(sorted_keys: IntArray) -> IntArray:
     """Index of the first element of every run of equal values in a sorted array."""
-    if len(sorted_keys) == 0:
-        return np.zeros(0, np.int64)
     new = np.ones(len(sorted_keys), bool)
     np.not_equal(sorted_keys[1:], sorted_keys[:-1], out=new[1:])
     return np.flatnonzero(new)
@@ -76,8 +74,7 @@ def first_of_groups(groups: IntArray, *keys: npt.NDArray[Any]) -> IntArray:
 def doubles(values: np.ndarray) -> FloatArray:
     """Numbers of a file as float64. A signalling NaN becomes a quiet one, without a warning from NumPy."""
     with np.errstate(invalid="ignore"):
-        result: FloatArray = values.astype(np.float64)
-    return result
+        return values.astype(np.float64)
 
 
 def stable_order(keys: IntArray) -> IntArray:
@@ -116,9 +113,8 @@ def numbered(values: IntArray) -> tuple[IntArray, IntArray]:
     order = stable_order(values)
     ordered = values[order]
     head = first_of_runs(ordered)
-    number = np.empty(len(values), np.int64)
-    number[order] = np.repeat(np.arange(len(head)), np.diff(np.append(head, len(values))))
-    return ordered[head], number
+    number = np.repeat(np.arange(len(head)), np.diff(np.append(head, len(values))))
+    return ordered[head], scattered(len(values), order, number)
 
 
 def numbered_rows(rows: FloatArray) -> tuple[IntArray, IntArray]:
@@ -132,9 +128,7 @@ def numbered_rows(rows: FloatArray) -> tuple[IntArray, IntArray]:
     for values in columns:
         ordered = values[order]
         new[1:] |= ordered[1:] != ordered[:-1]
-    label = np.empty(len(order), np.int64)
-    label[order] = np.cumsum(new) - 1
-    return order[new], label
+    return order[new], scattered(len(order), order, np.cumsum(new) - 1)
 
 
 def first_of_each(groups: IntArray, n: int) -> IntArray:
@@ -276,6 +270,5 @@ def doubled_areas(a: FloatArray, b: FloatArray) -> FloatArray:
 def relabel(labels: IntArray) -> tuple[int, IntArray]:
     """Labels renumbered 0..n-1 in order of first appearance; returns (n, labels)."""
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
+    rank = positions_in(len(first), np.argsort(first))
     return len(first), rank[inverse.reshape(-1)]

@@ -49,5 +49,4 @@ def compressed_rows(n: int, rows: Any, columns: Any) -> tuple[Any, Any]:
 
 def kd_tree(points: Any, **options: Any) -> "cKDTree":
     """A k-d tree of points (n, d); options: as for ``scipy.spatial.cKDTree``."""
-    tree: cKDTree = private(f"{_TREES}._ckdtree", "cKDTree", _TREES)(points, **options)
-    return tree
+    return private(f"{_TREES}._ckdtree", "cKDTree", _TREES)(points, **options)

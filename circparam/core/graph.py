@@ -5,24 +5,26 @@ have one weight for each pair of nodes; of several edges between two nodes, each
 counts.
 """
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sps
 
 from circparam.core.arrays import (
     edge_keys,
+    first_of_each,
     first_of_groups,
     first_of_runs,
     group_count,
     group_max,
     group_min,
     group_sum,
+    mask_of,
+    positions_in,
     sorted_distinct,
     stable_order,
 )
 from circparam.core.clock import tick
 from circparam.core.compiled import (
+    breadth_first_order,
     compressed_rows,
     dijkstra,
     label_components,
@@ -132,7 +134,7 @@ def nearest(
     source (n,), both −1 or less where there is none).
     """
     tick()
-    found: Any = dijkstra(
+    distance, before, source = dijkstra(
         graph,
         indices=sources,
         min_only=True,
@@ -140,7 +142,6 @@ def nearest(
         limit=limit,
         directed=symmetric,
     )
-    distance, before, source = found
     return distance, before.astype(np.int64), source.astype(np.int64)
 
 
@@ -199,16 +200,28 @@ def chains(a: IntArray, b: IntArray, through: BoolArray) -> tuple[int, IntArray]
 def spanning_forest(n: int, a: IntArray, b: IntArray, order: FloatArray) -> IntArray:
     """Edges of the spanning forest that takes edges in ascending ``order`` (ties in their own order)."""
     tick()
-    rank = np.empty(len(a), np.int64)
-    by_rank = np.lexsort((np.arange(len(a)), order))
-    rank[by_rank] = np.arange(len(a))
+    by_rank = np.argsort(order, kind="stable")
+    rank = positions_in(len(a), by_rank)
     low, high = np.minimum(a, b), np.maximum(a, b)
-    key = edge_keys(low, high, n)
-    first = first_of_groups(key, rank)
-    first = first[low[first] != high[first]]
+    first = first_of_groups(edge_keys(a, b, n), rank)
+    first = first[a[first] != b[first]]
     matrix = sps.coo_matrix((rank[first] + 1.0, (low[first], high[first])), shape=(n, n))
     tree = minimum_spanning_tree(matrix.tocsr())
     return np.sort(by_rank[np.asarray(tree.data, np.int64) - 1])
+
+
+def breadth_first(n: int, i: IntArray, j: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Breadth-first search of n nodes joined by i–j, from the lowest node of every component.
+
+    Returns (component (n,) of each node; the nodes (n,) as they are reached, components side by side; the node
+    (n,) from which each is reached, n for the lowest ones).
+    """
+    parts, part = components(n, i, j)
+    # one more node reaches all components, so that one search does
+    ends = np.r_[i, first_of_each(part, parts)], np.r_[j, np.full(parts, n)]
+    graph = sps.coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(n + 1, n + 1)).tocsr()
+    order, before = breadth_first_order(graph, n, directed=False)
+    return part, order[1:].astype(np.int64), before[:n].astype(np.int64)
 
 
 def matching(score: FloatArray, left: IntArray, right: IntArray, n: int) -> IntArray:
@@ -218,17 +231,15 @@ def matching(score: FloatArray, left: IntArray, right: IntArray, n: int) -> IntA
     ascending. A pair may join a node with itself.
     """
     tick()
-    rank = np.empty(len(score), np.float64)
-    rank[np.lexsort((np.arange(len(score)), -score))] = np.arange(len(score))
+    rank = positions_in(len(score), np.argsort(-score, kind="stable")).astype(np.float64)
     alive = np.arange(len(score))
-    chosen = []
+    chosen = [alive[:0]]
     while len(alive):
         best = np.minimum(
             group_min(rank[alive], left[alive], n), group_min(rank[alive], right[alive], n)
         )
-        wins = (rank[alive] == best[left[alive]]) & (rank[alive] == best[right[alive]])
-        chosen.append(alive[wins])
-        taken = np.zeros(n, bool)
-        taken[left[alive[wins]]] = taken[right[alive[wins]]] = True
+        won = alive[(rank[alive] == best[left[alive]]) & (rank[alive] == best[right[alive]])]
+        chosen.append(won)
+        taken = mask_of(n, np.concatenate([left[won], right[won]]))
         alive = alive[~taken[left[alive]] & ~taken[right[alive]]]
-    return np.sort(np.concatenate(chosen)) if chosen else np.zeros(0, np.int64)
+    return np.sort(np.concatenate(chosen))

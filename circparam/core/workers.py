@@ -159,10 +159,9 @@ class DeferredTask:
 def _submitted(pool: Pool, packed: bytes, m: Monitor) -> "Future[bytes] | None":
     """A task on its way to a process; None if the pool is broken, or at the end of the interpreter."""
     try:
-        future: Future[bytes] = pool.executor.submit(_work, packed, m.left, clock.left())
+        return pool.executor.submit(_work, packed, m.left, clock.left())
     except Exception:
         return None
-    return future
 
 
 def _answered(pool: Pool, future: "Future[bytes] | None", m: Monitor) -> tuple[Any] | None:

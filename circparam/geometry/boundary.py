@@ -6,11 +6,11 @@ import numpy as np
 
 from circparam.core.arrays import (
     cross2,
+    ends_of,
     first_of_each,
     first_of_groups,
     group_sum,
     mask_of,
-    next_half_edge,
     norms2,
 )
 from circparam.core.graph import along_cycles
@@ -48,11 +48,10 @@ def boundary_in(cut_mesh: CutMesh, uv: FloatArray) -> BoundarySegments:
     """
     faces, chart, h = cut_mesh.faces, cut_mesh.chart, cut_mesh.boundary
     following, before = cut_mesh.rim
-    flat = faces.ravel()
     a, b, c = uv[faces[:, 0]], uv[faces[:, 1]], uv[faces[:, 2]]
     area = group_sum(cross2(b - a, c - a), chart, cut_mesh.n_charts) / 2
     own = chart[h // 3]
-    start, end = uv[flat[h]], uv[flat[next_half_edge(h)]]
+    start, end = (uv[vertices] for vertices in ends_of(faces, h))
     back = area[own] < 0
     return BoundarySegments(
         h,

@@ -42,8 +42,7 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     i, j = pairs.T
     corner = points[vertex]
     cross = normals_of(corner)
-    size = np.linalg.norm(cross, axis=1)
-    normal = cross / np.maximum(size, 1e-300)[:, None]
+    normal = unit(cross)
     f, g = i // 3, j // 3
     away = points[flat[next_half_edge(next_half_edge(j))]] - points[flat[j]]
     back = points[flat[next_half_edge(next_half_edge(i))]] - points[flat[i]]
@@ -57,8 +56,7 @@ def find_flats(points: FloatArray, vertex: IntArray, slack: FloatArray, kind: In
     height = (corner * mean[label][:, None]).sum(2)
     spread = group_max(height.max(1), label, n) + group_max(-height.min(1), label, n)
     bent = (spread > 2 * group_max(slack, label, n))[label]
-    label = np.where(bent, n + np.arange(m), label)
-    label = numbered(label)[1]
+    label = numbered(np.where(bent, n + np.arange(m), label))[1]
     return Flats(label, boundary_half_edges(m, pairs[label[f] == label[g]]))
 
 

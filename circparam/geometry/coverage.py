@@ -142,5 +142,4 @@ def painted(start: FloatArray, end: FloatArray, label: IntArray, side: int) -> L
     kind = np.int16 if owner.max(initial=0) < np.iinfo(np.int16).max else np.int32
     value = np.full(2 * len(owner) + 1, -1, kind)
     value[1::2] = owner
-    drawn: LabelGrid = np.repeat(value, np.diff(np.r_[0, ends, side * side]))
-    return drawn.reshape(side, side)
+    return np.repeat(value, np.diff(np.r_[0, ends, side * side])).reshape(side, side)

@@ -158,9 +158,7 @@ def wound_wrongly(cut_mesh: CutMesh, uv: FloatArray, boundary: BoundarySegments)
     Their boundary need not meet itself. boundary: that of the layout (n_vertices, 2).
     """
     found = mask_of(cut_mesh.n_charts, boundary.chart[turned_loops(boundary)])
-    twice = wound_twice(cut_mesh, uv)
-    if twice.any():
-        found[cut_mesh.chart[twice[cut_mesh.faces].any(1)]] = True
+    found[cut_mesh.vertex_chart[wound_twice(cut_mesh, uv)]] = True
     return found
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from circparam.core.arrays import ends_of, group_sum, mask_of, next_half_edge, norms2
+from circparam.core.arrays import ends_of, group_sum, mask_of, norms2
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray
 from circparam.geometry.coverage import pages_of
@@ -63,10 +63,10 @@ def chart_widths(cut_mesh: CutMesh, uv: FloatArray) -> FloatArray:
     So a band has its own width, however it is bent, and a ring that between its two outlines. A chart with less
     outline than any rectangle of its area, as a disk has, is as wide as the square of that outline.
     """
-    n, flat = cut_mesh.n_charts, cut_mesh.faces.ravel()
     h = cut_mesh.boundary
-    side = norms2(uv[flat[next_half_edge(h)]] - uv[flat[h]])
-    quarter = group_sum(side, cut_mesh.chart[h // 3], n) / 4
+    tail, head = ends_of(cut_mesh.faces, h)
+    side = norms2(uv[head] - uv[tail])
+    quarter = group_sum(side, cut_mesh.chart[h // 3], cut_mesh.n_charts) / 4
     return quarter - np.sqrt(np.maximum(quarter**2 - _uv_areas(cut_mesh, uv), 0.0))
 
 
@@ -74,10 +74,9 @@ def _straight_shares(
     cut_mesh: CutMesh, uv: FloatArray, used: BoolArray, resolution: int, block: int
 ) -> tuple[float | None, float | None]:
     """Shares of the straight borders that lie along the axes, and on whole blocks of texels."""
-    flat = cut_mesh.faces.ravel()
     h = cut_mesh.boundary
     h = h[used[cut_mesh.chart[h // 3]]]
-    tail, head, chart = uv[flat[h]], uv[flat[next_half_edge(h)]], cut_mesh.chart[h // 3]
+    (tail, head), chart = (uv[v] for v in ends_of(cut_mesh.faces, h)), cut_mesh.chart[h // 3]
     straight = straight_edges(head - tail, chart, _uv_areas(cut_mesh, uv))
     tail, head, chart = tail[straight], head[straight], chart[straight]
     length = norms2(head - tail)
@@ -94,8 +93,7 @@ def chart_densities(surface: Surface, cut_mesh: CutMesh, uv: FloatArray) -> Floa
     """(n_charts,) length in uv per unit of the mesh, in the mean over each chart; NaN for one without area."""
     area = group_sum(surface.true_areas, cut_mesh.chart, cut_mesh.n_charts)
     with np.errstate(divide="ignore", invalid="ignore"):
-        result: FloatArray = np.sqrt(np.where(area > 0, _uv_areas(cut_mesh, uv) / area, np.nan))
-    return result
+        return np.sqrt(np.where(area > 0, _uv_areas(cut_mesh, uv) / area, np.nan))
 
 
 def seam_vertices(surface: Surface, cut_mesh: CutMesh, used: BoolArray) -> int:

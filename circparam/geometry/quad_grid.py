@@ -32,9 +32,7 @@ def diagonals(cut_mesh: CutMesh, locked: BoolArray) -> IntArray:
     longest side of a face is the diagonal, as in any quad that is nearly rectangular.
     """
     m = len(cut_mesh.faces)
-    lies_inside = np.zeros(3 * m, np.int64)
-    lies_inside[cut_mesh.edges[locked].ravel()] = 1
-    inside = lies_inside.reshape(m, 3)
+    inside = mask_of(3 * m, cut_mesh.edges[locked].ravel()).reshape(m, 3)
     other = group_count(cut_mesh.chart[inside.sum(1) != 1], cut_mesh.n_charts) > 0
     longest = cut_mesh.edge_lengths.argmax(1)
     return np.where(other[cut_mesh.chart], longest, inside.argmax(1))

@@ -47,5 +47,4 @@ def roughness_within(surface: Surface, cell: IntArray) -> FloatArray:
     size[size == 0] = 1.0
     screened = (laplacian + sps.diags_array(SCREEN * size)).tocsr()
     u = conjugate_gradients(screened, curvature, lambda r: r / size, CG_TOLERANCE, CG_LIMIT)
-    result: FloatArray = np.minimum(u**2, MOST)[cut_mesh.faces].mean(1)
-    return result
+    return np.minimum(u**2, MOST)[cut_mesh.faces].mean(1)

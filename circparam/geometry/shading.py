@@ -32,10 +32,7 @@ class Frames:
         A frame inside a face interpolates the frames of its corners and normalises each of its three axes, as
         viewers of glTF do. The frame need not be orthogonal; viewers decode the given vectors.
         """
-        t, b, n = (
-            unit(interpolated(bary, axis[face]))
-            for axis in (self.tangent, self.bitangent, self.normal)
-        )
+        t, b, n = self._axes(face, bary)
         bn, nt, tb = np.cross(b, n), np.cross(n, t), np.cross(t, b)
         whole = (t * bn).sum(1, keepdims=True)
         out = np.stack([(direction * axis).sum(1) for axis in (bn, nt, tb)], 1)
@@ -43,11 +40,12 @@ class Frames:
 
     def out_of(self, face: IntArray, bary: FloatArray, value: FloatArray) -> FloatArray:
         """The inverse of ``into``, as viewers decode: (p, 3) unit."""
+        t, b, n = self._axes(face, bary)
+        return unit(t * value[:, :1] + b * value[:, 1:2] + n * value[:, 2:])
+
+    def _axes(self, face: IntArray, bary: FloatArray) -> list[FloatArray]:
         axes = (self.tangent, self.bitangent, self.normal)
-        parts = [
-            unit(interpolated(bary, axis[face])) * value[:, k, None] for k, axis in enumerate(axes)
-        ]
-        return unit(parts[0] + parts[1] + parts[2])
+        return [unit(interpolated(bary, axis[face])) for axis in axes]
 
 
 # between a face and the mean of a vertex: sharper faces are shaded flat where a file has no normals

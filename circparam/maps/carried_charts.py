@@ -14,7 +14,7 @@ import scipy.sparse as sps
 from scipy.spatial import cKDTree
 
 from circparam.core.arrays import (
-    cross2,
+    cross_areas,
     first_of_groups,
     group_sum,
     interpolated,
@@ -84,10 +84,8 @@ class SourceCharts:
         box = np.ptp(self.corners.reshape(-1, 3), axis=0)
         self.diagonal = max(float(np.linalg.norm(box)), 1e-300)
         self.beside = faces_across(len(surface.faces), surface.edges[~atlas.cut])
-        d = atlas.corners[:, 1:] - atlas.corners[:, :1]
-        areas = atlas.surface.areas
-        ratio = np.abs(cross2(d[:, 0], d[:, 1])) / 2 / np.maximum(areas, 1e-300)
-        self.scale = float(np.sqrt(max(Tail.of(ratio, areas).percentile(50), 1e-300)))
+        ratio = np.abs(cross_areas(atlas.corners)) / 2 / np.maximum(surface.areas, 1e-300)
+        self.scale = float(np.sqrt(max(Tail.of(ratio, surface.areas).percentile(50), 1e-300)))
         self.sample, bary = samples_of(surface.areas, CHART_SAMPLE_BOUNDS)
         self.places = interpolated(bary, self.corners[self.sample])
         uv = interpolated(bary, atlas.corners[self.sample])
@@ -290,13 +288,13 @@ def _relabel(
     """
     probed, led, corners = points
     uv = source.uv(corners).reshape(-1, 3, 2)
-    bad = heights(uv, sign[source.chart[led.face]])[0] <= 0
+    height = heights(uv, sign[source.chart[led.face]])[0]
+    bad = height <= 0
     cut_mesh, _ = Atlas(target, _seams(source, target, led, uv), uv).open()
     bad[meetings(cut_mesh, _means(cut_mesh, uv)).ravel() // 3] = True
     face = np.flatnonzero(bad)
     now = np.zeros(len(uv))
-    height = heights(uv[face], sign[source.chart[led.face[face]]])[0]
-    now[face] = np.maximum(_depths(uv[face], face, uv), -height)
+    now[face] = np.maximum(_depths(uv[face], face, uv), -height[face])
     face = face[now[face] > LEAST_HEIGHT_PAGES]
     if len(face) == 0:
         return False

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from circparam.core.arrays import interpolated, mask_of, next_half_edge, positions_in
+from circparam.core.arrays import interpolated, mask_of, next_half_edge, positions_in, scattered
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.maps.geometries import Geometry, counter_clockwise, signs_of, weights_in
@@ -95,8 +95,7 @@ def own_development(
     surface if possible, whose face gives the frame of the vertex)."""
     flat, twin = mesh.faces.ravel(), mesh.twin
     order = np.argsort(np.repeat(mesh.parent < 0, 3), kind="stable")[::-1]
-    first = np.full(mesh.n, -1)
-    first[flat[order]] = order
+    first = scattered(mesh.n, flat[order], order)
     touched = mask_of(mesh.n, flat[index > 0])
     special = np.flatnonzero(touched[mesh.faces].any(1))
     number = positions_in(len(mesh.faces), special)

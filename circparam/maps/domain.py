@@ -19,6 +19,7 @@ from circparam.core.arrays import (
     interpolated,
     mask_of,
     next_half_edge,
+    scattered,
 )
 from circparam.core.graph import matching
 from circparam.core.linalg import HeldFactor
@@ -273,8 +274,7 @@ def mended(
         faces = np.flatnonzero(mask_of(mesh.n, vertices[~rest])[mesh.faces].any(1))
         own, n = part.vertex_chart, part.n_charts
         # all vertices of a patch in the frame of its first face
-        patch = np.full(len(mesh.faces), -1)
-        patch[faces] = part.chart
+        patch = scattered(len(mesh.faces), faces, part.chart)
         within = (patch[face] >= 0) & (patch[face] == patch[mesh.twin // 3])
         way = development.rolled_out(faces[first_of_each(part.chart, n)], within)[1]
         corner = first_of_each(part.faces.ravel(), len(vertices))

@@ -234,16 +234,15 @@ class Layout:
 
     def regions(self) -> list[list[int]]:
         """The regions between the arcs: the arcs round each, the region on their left."""
-        follower = np.array([self.after(arc) for arc in range(len(self.ends))], np.int64)
-        _, order, size = cycles(follower)
+        _, order, size = self._cycles()
         return [r.tolist() for r in np.split(order, np.cumsum(size))[:-1]]
 
     def region_of(self) -> IntArray:
         """(2e,) the region on the left of each arc."""
-        regions = self.regions()
-        out = np.empty(len(self.ends), np.int64)
-        out[np.concatenate(regions)] = np.repeat(np.arange(len(regions)), [len(r) for r in regions])
-        return out
+        return self._cycles()[0]
+
+    def _cycles(self) -> tuple[IntArray, IntArray, IntArray]:
+        return cycles(np.array([self.after(arc) for arc in range(len(self.ends))], np.int64))
 
     def lay_known(self, i: int, j: int, a: IntArray, b: IntArray) -> None:
         """Add an arc whose two paths (vertices from landmark i to landmark j) are known."""

@@ -219,7 +219,7 @@ def _result(
         a_to_b,
         b_to_a,
         solution.start,
-        solution.inversions,
+        (solution.covers[0].inversions, solution.covers[1].inversions),
         len(exact),
         float(off.max(initial=0.0)) / b.size,
         method,

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import group_min, next_half_edge, ranges
+from circparam.core.arrays import group_min, next_half_edge, ranges, scattered
 from circparam.core.graph import components, cycles
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -154,9 +154,7 @@ def _assembled(
     for chains, own, across in ((first, on_a, on_b), (second, on_b, on_a)):
         # parts connected across the edges of the other mesh lie in one face of this mesh
         pieces, group = components(len(size), label[across], label[across ^ 1])
-        face = np.full(pieces, -1)
-        face[group[label[own]]] = chains.of // 3
-        parents.append(face[group])
+        parents.append(scattered(pieces, group[label[own]], chains.of // 3)[group])
     begin = np.cumsum(size) - size
     fans, step = np.repeat(np.arange(len(size)), size - 2), ranges(size - 2)
     corner, at = start[order], begin[fans]

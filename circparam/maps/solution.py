@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import interpolated, mask_of
+from circparam.core.arrays import mask_of
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
 from circparam.core.types import BoolArray, FloatArray, IntArray
@@ -60,11 +60,6 @@ class MapSolution:
     on_a: CoverPoints
     start: Distortion
 
-    @property
-    def inversions(self) -> tuple[int, int]:
-        """Faces of both surfaces that are turned over in the domain, by exact signs."""
-        return self.covers[0].inversions, self.covers[1].inversions
-
 
 def solve_map(
     a: MapInput, b: MapInput, marks: Landmarks, method: str, relax: bool, monitor: Monitor
@@ -79,8 +74,7 @@ def solve_map(
     cover_a, cover_b = mesh_a.cover, mesh_b.cover
     with monitor.stage("compose"):
         on_b = composed(a, b, marks, mesh_a, mesh_b)
-        corners = cover_b.mesh.points[cover_b.mesh.faces[on_b.face[: a.n]]]
-        images = interpolated(on_b.weights[: a.n], corners)
+        images = on_b.take(slice(a.n)).of(cover_b.mesh.points, cover_b.mesh.faces)
         start = distortion(a.surface.vertex_points, a.surface.corner_vertex, images)
     better = relaxed(a, b, marks, domain, on_b.take(slice(a.closed.n)), monitor) if relax else None
     if better is not None:
@@ -199,10 +193,7 @@ def face_energies(
     rest, there = rest_triangles_of(points[faces]), rest_triangles_of(images[faces])
     area = rest[:, 1, 0] * rest[:, 2, 1] / 2
     live = has_shape(area, np.linalg.norm(rest - np.roll(rest, 1, 1), axis=2))
-    energies, areas = np.ones(len(faces)), np.where(live, area, 0.0)
-    if not live.any():
-        return energies, areas
-    rest, there, area = rest[live], np.nan_to_num(there[live]), area[live]
-    square, inverse = dirichlet_terms(rest, there)
-    energies[live] = energies_at_best_scale(square, np.minimum(inverse, MOST_ENERGY), area)
-    return energies, areas
+    square, inverse = dirichlet_terms(rest[live], np.nan_to_num(there[live]))
+    energies = np.ones(len(faces))
+    energies[live] = energies_at_best_scale(square, np.minimum(inverse, MOST_ENERGY), area[live])
+    return energies, np.where(live, area, 0.0)

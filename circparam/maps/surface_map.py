@@ -24,7 +24,6 @@ from circparam.mesh.mesh import Mesh
 
 FORMAT = "circparam-map-1"
 MIRRORED_SHARE = 0.5  # share of faces turned over from which a surface looks mirrored
-OVERLAY = ("o_faces", "o_parents", "o_a_face", "o_a_weights", "o_b_face", "o_b_weights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,22 +159,17 @@ def turned_over(mapped: SurfaceMap, target: Mesh, source: Mesh) -> BoolArray:
 def save_map(path: str | os.PathLike[str], found: SurfaceMap, overwrite: bool = False) -> None:
     """Write a map as .npz. Raises OptionError if the file exists, OutputError if the disk refuses."""
     out = io.BytesIO()
-    more: dict[str, Any] = {}
+    arrays: dict[str, Any] = {"format": FORMAT, "a": found.a, "b": found.b}
+    arrays |= _stored("a", found.to_b) | _stored("b", found.to_a)
     if (o := found.overlay) is not None:
-        rows = (o.faces, o.parents, o.on_a.face, o.on_a.weights, o.on_b.face, o.on_b.weights)
-        more = dict(zip(OVERLAY, rows, strict=True))
-    np.savez_compressed(
-        out,
-        format=np.array(FORMAT),
-        a=np.array(found.a),
-        b=np.array(found.b),
-        a_face=found.to_b.face,
-        a_weights=found.to_b.weights,
-        b_face=found.to_a.face,
-        b_weights=found.to_a.weights,
-        **more,
-    )
+        arrays |= {"o_faces": o.faces, "o_parents": o.parents}
+        arrays |= _stored("o_a", o.on_a) | _stored("o_b", o.on_b)
+    np.savez_compressed(out, **arrays)
     write_files({Path(path): out.getvalue()}, overwrite)
+
+
+def _stored(name: str, places: Places) -> dict[str, np.ndarray]:
+    return {f"{name}_face": places.face, f"{name}_weights": places.weights}
 
 
 def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
@@ -187,7 +181,7 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
         with np.load(path, allow_pickle=False) as data:
             if str(data["format"]) != FORMAT:
                 raise ValueError(f"its format is {data['format']}")
-            to_b, to_a = (_places(data[f"{k}_face"], data[f"{k}_weights"]) for k in "ab")
+            to_b, to_a = (_places(data, k) for k in "ab")
             a, b = str(data["a"]), str(data["b"])
             overlay = _refinement(data)
     except OSError as error:
@@ -201,10 +195,10 @@ def load_map(path: str | os.PathLike[str]) -> SurfaceMap:
 
 def _refinement(data: Mapping[str, np.ndarray]) -> Refinement | None:
     """The overlay as a file has it. Raises ValueError if it is none."""
-    if OVERLAY[0] not in data:
+    if "o_faces" not in data:
         return None
-    faces, parents, *places = (data[name] for name in OVERLAY)
-    on_a, on_b = _places(*places[:2]), _places(*places[2:])
+    faces, parents = data["o_faces"], data["o_parents"]
+    on_a, on_b = (_places(data, k) for k in ("o_a", "o_b"))
     if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] != 3:
         raise ValueError("its overlay has no triangles")
     if parents.dtype.kind not in "iu" or parents.shape != (len(faces), 2):
@@ -214,8 +208,9 @@ def _refinement(data: Mapping[str, np.ndarray]) -> Refinement | None:
     return Refinement(faces.astype(np.int64), parents.astype(np.int64), on_a, on_b)
 
 
-def _places(face: np.ndarray, weights: np.ndarray) -> Places:
+def _places(data: Mapping[str, np.ndarray], name: str) -> Places:
     """Places as a file has them. Raises ValueError if they cannot be any."""
+    face, weights = data[f"{name}_face"], data[f"{name}_weights"]
     if face.dtype.kind not in "iu" or weights.dtype.kind != "f" or face.ndim != 1:
         raise ValueError("its arrays are of another kind")
     if weights.shape != (len(face), 3):

@@ -8,6 +8,7 @@ from circparam.core.arrays import (
     doubled_areas,
     ends_of,
     first_of_groups,
+    group_count,
     group_max,
     group_sum,
     mask_of,
@@ -182,9 +183,6 @@ class CutMesh:
     def loops(self) -> Loops:
         """The boundary loops, ordered."""
         h = self.boundary
-        if len(h) == 0:
-            none = np.zeros(0, np.int64)
-            return Loops(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0, bool))
         labels, order, size = cycles(self.rim[0])
         start = np.concatenate([[0], np.cumsum(size)])
         chart = self.chart[h[order][start[:-1]] // 3]
@@ -230,10 +228,9 @@ class CutMesh:
     def euler(self) -> IntArray:
         """(n_charts,) Euler characteristic: a disk has 1, a disk with h holes 1 − h, a sphere 2."""
         n = self.n_charts
-        corner_edges = np.bincount(self.chart, minlength=n) * 3
-        inner = np.bincount(self.chart[self.edges[:, 0] // 3], minlength=n)
-        vertices = np.bincount(self.vertex_chart, minlength=n)
-        return vertices - (corner_edges - inner) + np.bincount(self.chart, minlength=n)
+        faces, vertices = group_count(self.chart, n), group_count(self.vertex_chart, n)
+        inner = group_count(self.chart[self.edges[:, 0] // 3], n)
+        return vertices - (3 * faces - inner) + faces
 
     def subset(self, charts: BoolArray) -> "tuple[CutMesh, IntArray, IntArray]":
         """The cut mesh of some charts; returns (cut mesh, vertices, faces): the earlier number of each."""
@@ -329,5 +326,5 @@ def close_holes(cut_mesh: CutMesh) -> CutMesh:
 
 def not_disks(cut_mesh: CutMesh) -> BoolArray:
     """(n_charts,) bool: the chart is neither a disk nor a disk with holes."""
-    loops = np.bincount(cut_mesh.loops.chart, minlength=cut_mesh.n_charts)
+    loops = group_count(cut_mesh.loops.chart, cut_mesh.n_charts)
     return (loops < 1) | (cut_mesh.euler() != 2 - loops)

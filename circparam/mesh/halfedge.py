@@ -180,14 +180,12 @@ class _Fans(NamedTuple):
         x, y = x[differ], y[differ]
         together = _in_one_polygon(polygons, h[x], h[y])
         drawn = np.zeros(len(x), bool) if uv is None else _same_uv(faces, uv, h[x], h[y])
-        large = np.zeros((0, 2), np.int64)
-        if not small.all():
-            side = np.cross(axis, inward[first])
-            angle = np.arctan2((inward * side).sum(1), (inward * inward[first]).sum(1))
-            by_angle = np.lexsort((rank, angle, group))
-            half = n // 2
-            lower = np.flatnonzero(~small & (rank < half))
-            large = np.stack([by_angle[lower], by_angle[lower + half[lower]]], 1)
+        side = np.cross(axis, inward[first])
+        angle = np.arctan2((inward * side).sum(1), (inward * inward[first]).sum(1))
+        by_angle = np.lexsort((rank, angle, group))
+        half = n // 2
+        lower = np.flatnonzero(~small & (rank < half))
+        large = np.stack([by_angle[lower], by_angle[lower + half[lower]]], 1)
         # −1: one plane, 1: folded together; inside a polygon first, then side by side in the layout
         cost = (inward[x] * inward[y]).sum(1) - 20.0 * together - 10.0 * drawn
         return _Fans(h, group, x, y, cost, start[x] == start[y], together, large)

@@ -3,11 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sps
 
 from circparam.core.arrays import edge_keys, first_of_each, found_in, mask_of, numbered
-from circparam.core.compiled import breadth_first_order
-from circparam.core.graph import components
+from circparam.core.graph import breadth_first, components
 from circparam.core.types import BoolArray, FloatArray, IntArray
 from circparam.mesh.halfedge import Pairs
 
@@ -93,14 +91,9 @@ def _along_tree(
     step = flip ^ inside[i] ^ inside[j]
     across = a != b
     a, b, step = a[across], b[across], step[across]
-    parts, component = components(count, a, b)
-    # one more node joins all parts
-    ends = np.r_[a, np.full(parts, count)], np.r_[b, first_of_each(component, parts)]
-    shape = count + 1, count + 1
-    graph = sps.coo_matrix((np.ones(len(ends[0]), bool), ends), shape=shape)
-    _, parent = breadth_first_order(graph.tocsr(), count, directed=False)
-    child = np.flatnonzero((parent[:count] >= 0) & (parent[:count] < count))
-    up = parent[child].astype(np.int64)
+    _, _, parent = breadth_first(count, a, b)
+    child = np.flatnonzero(parent < count)
+    up = parent[child]
     edge = found_in(edge_keys(a, b, count), edge_keys(child, up, count))
     _, sign, _ = double_cover(count, a[edge], b[edge], step[edge])
     return sign[node] ^ inside

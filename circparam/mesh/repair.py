@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from circparam.core.arrays import mask_of, normals_of, scattered
+from circparam.core.arrays import mask_of, normals_of, positions_in, scattered
 from circparam.core.plural import counted, plural
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
@@ -174,8 +174,7 @@ def _joined(
     ranked[mesh.rank] = points
     first = None
     if by_position:
-        place = np.empty(len(ranked), np.int64)
-        place[frame_of(points, welded[kept]).order(ranked)] = np.arange(len(ranked))
+        place = positions_in(len(ranked), frame_of(points, welded[kept]).order(ranked))
         own = place[mesh.rank[welded]][kept]
         first = own.argmin(1)
         a, b, c = _rotated(own, first).T

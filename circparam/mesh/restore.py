@@ -36,9 +36,8 @@ def complete(
     out = np.full(mesh.faces.shape, -1, np.int64)
     out[surface.source] = surface.to_file(uv_faces)
     welded = repairs.weld[mesh.faces]
-    if len(repairs.duplicates):
-        same = welded[repairs.duplicates][:, :, None] == welded[repairs.duplicate_of][:, None, :]
-        out[repairs.duplicates] = np.take_along_axis(out[repairs.duplicate_of], same.argmax(2), 1)
+    same = welded[repairs.duplicates][:, :, None] == welded[repairs.duplicate_of][:, None, :]
+    out[repairs.duplicates] = np.take_along_axis(out[repairs.duplicate_of], same.argmax(2), 1)
     if len(repairs.degenerate):
         out[repairs.degenerate] = _degenerate_uv(mesh, surface, repairs, uv, uv_faces)
         if mesh.polygons is not None:
@@ -100,14 +99,13 @@ def _flattened(
     fills |= is_open[np.searchsorted(wanted, a * n + b)].all(1)
     apart: BoolArray = (a != b).all(1)
     move = np.flatnonzero(apart & ~fills)
-    if len(move):
-        p = surface.points[points[move]]
-        length = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2)  # of sides 01, 12, 20
-        middle = (length.argmax(1) + 2) % 3
-        rows = np.arange(len(move))
-        nearer = length[rows, middle] <= length[rows, (middle + 2) % 3]  # to the corner after it
-        target = np.where(nearer, middle + 1, middle + 2) % 3
-        out[move, middle] = out[move, target]
+    p = surface.points[points[move]]
+    length = np.linalg.norm(p[:, [1, 2, 0]] - p, axis=2)  # of sides 01, 12, 20
+    middle = (length.argmax(1) + 2) % 3
+    rows = np.arange(len(move))
+    nearer = length[rows, middle] <= length[rows, (middle + 2) % 3]  # to the corner after it
+    target = np.where(nearer, middle + 1, middle + 2) % 3
+    out[move, middle] = out[move, target]
     return out
 
 

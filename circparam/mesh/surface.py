@@ -153,8 +153,7 @@ class Surface:
         """(e,) length of each edge, times the weight that the user gives it, if any."""
         if self.price is None or not self.weighted:
             return self.edge_lengths
-        result: FloatArray = self.edge_lengths * self.price
-        return result
+        return self.edge_lengths * self.price
 
     def forget(self) -> None:
         """Drop cached shapes of the faces; they are computed again when needed."""

@@ -258,8 +258,6 @@ def _boundaries(
     """
     n = int(component.max()) + 1
     flat = faces.ravel()
-    if len(single) == 0:
-        return np.zeros(n, np.int64), [[] for _ in range(n)]
     _, label = components(int(fan.max()) + 1, fan[single], fan[next_half_edge(single)])
     loops, loop = relabel(label[fan[single]])
     length = np.linalg.norm(points[flat[next_half_edge(single)]] - points[flat[single]], axis=1)

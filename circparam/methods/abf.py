@@ -14,7 +14,7 @@ from itertools import islice
 import numpy as np
 import scipy.sparse as sps
 
-from circparam.core.arrays import group_max, group_sum
+from circparam.core.arrays import group_max, group_sum, scattered
 from circparam.core.linalg import Factor, gradient_iterates
 from circparam.core.monitor import Monitor
 from circparam.core.records import dataclass
@@ -97,8 +97,6 @@ class _HoleBoundaries:
 
     def gaps(self, alpha: FloatArray) -> FloatArray:
         """(2h,) how far the walks miss their starts, as a share of their lengths: all x, then all y."""
-        if len(self.size) == 0:
-            return np.zeros(0)
         gap = np.add.reduceat(self.edges(alpha), np.cumsum(self.size) - self.size)
         return np.concatenate([gap.real, gap.imag])
 
@@ -106,8 +104,6 @@ class _HoleBoundaries:
         """(2h, 3m) derivatives of the gaps: a change at a vertex moves all later vertices."""
         f = self.cut_mesh.faces
         h, m = len(self.size), len(f)
-        if h == 0:
-            return sps.csr_matrix((0, 3 * m))
         edge = self.edges(alpha)
         last = np.cumsum(self.size) - 1
         run = np.cumsum(edge)
@@ -115,8 +111,7 @@ class _HoleBoundaries:
         remaining[last - self.size + 1] = 0.0  # the first edge stays where it is
         moved = np.zeros(self.cut_mesh.n_vertices, np.complex128)
         moved[self.vertices] = remaining
-        hole = np.full(self.cut_mesh.n_vertices, -1)
-        hole[self.vertices] = np.repeat(np.arange(h), self.size)
+        hole = scattered(len(moved), self.vertices, np.repeat(np.arange(h), self.size))
         corner = np.arange(3 * m).reshape(m, 3)
         use = hole[f] >= 0
         at, pull, cot = hole[f][use], moved[f][use], 1 / np.tan(alpha)
@@ -276,11 +271,8 @@ def _newton_step(system: _AngleSystem, alpha: FloatArray, solver: _StepSolver) -
     w = 1 / system.weight  # Λ⁻¹
     gradient = system.weight * (alpha - system.target)
     face, angle, wheel = system.residuals(alpha)
-    J = system.jacobian(alpha)
-    b2 = -np.concatenate([angle, wheel])
-    if len(system.holes.size):
-        J = sps.csr_matrix(sps.vstack([J, system.holes.jacobian(alpha)]))
-        b2 = np.concatenate([b2, -system.holes.gaps(alpha)])
+    J = sps.csr_matrix(sps.vstack([system.jacobian(alpha), system.holes.jacobian(alpha)]))
+    b2 = -np.concatenate([angle, wheel, system.holes.gaps(alpha)])
     step = -w * gradient
     # project onto the face conditions: P = W − W 1 (1ᵀW1)⁻¹ 1ᵀ W on each face
     total = w.sum(1)

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from circparam.core.arrays import group_min
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray
 from circparam.errors import OptionError
@@ -140,8 +141,7 @@ def _visibility(
     x -= x.min()
     key = (y - y.min()) * (int(x.max()) + 1) + x
     depth = -(points @ direction)
-    nearest = np.full(int(key.max()) + 1, np.inf)
-    np.minimum.at(nearest, key, depth)
+    nearest = group_min(depth, key, int(key.max()) + 1)
     cosine = normals @ direction
     facing = np.where(cosine > 0, np.minimum(cosine / 0.5, 1), 0.3 * np.minimum(-cosine / 0.5, 1))
     return facing * (depth <= nearest[key] + 2 * cell)

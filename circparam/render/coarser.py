@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from circparam.core.arrays import first_of_runs, group_count, group_sum, mask_of
+from circparam.core.arrays import first_of_runs, group_count, group_sum, mask_of, scattered
 from circparam.core.graph import components
 from circparam.mesh.weld import first_duplicates
 from circparam.render.scene import Scene
@@ -49,8 +49,7 @@ def coarser(scene: Scene, most: int) -> Scene:
     first = first_duplicates(corner[left], len(scene.uv))
     alike = group_count(first[scene.single[left]], len(left))
     left = left[~(scene.mapped[left] & (alike[first] % 2 == 0))]
-    point = np.empty(len(scene.uv), np.int64)
-    point[scene.uv_faces[scene.mapped]] = scene.faces[scene.mapped]
+    point = scattered(len(scene.uv), scene.uv_faces[scene.mapped], scene.faces[scene.mapped])
     corner = corner[left]
     faces = np.where(corner >= 0, point[corner], scene.faces[left])
     source = left if scene.source is None else scene.source[left]

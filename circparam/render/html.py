@@ -108,11 +108,10 @@ def viewer(
     ]
     # data that all layouts of a page share: colours, and the scale of distortion up to ``top``
     top = layouts[-1].options.scale_end
-    palette = col.chart_colours(np.arange(24))
     meta = {
         "distortionEnd": top,
         "distortionEnds": sorted({*col.DISTORTION_ENDS, top}),
-        "palette": [col.hex_code(c) for c in palette],
+        "palette": [col.hex_code(c) for c in col.chart_colours(np.arange(24))],
         "ramp": [col.hex_code(c) for c in col.distortion_map(64)],
         "schemes": {
             name: {key.lower(): code for key, code in scheme.items()}
@@ -123,11 +122,11 @@ def viewer(
         "noUv": col.NO_UV,
         "hint": HINT,
         "touchHint": TOUCH_HINT,
+        "active": active,
+        "layouts": [
+            {**_meta(each), "sections": p.sections} for each, p in zip(layouts, packed, strict=True)
+        ],
     }
-    meta["active"] = active
-    meta["layouts"] = [
-        {**_meta(each), "sections": p.sections} for each, p in zip(layouts, packed, strict=True)
-    ]
     lines = "".join(piece("repair", line=line) for line in repairs)
     targets = enumerate(layouts[-1].scene.targets)
     return fill_in(

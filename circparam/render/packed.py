@@ -10,11 +10,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sps
-from scipy.sparse import csgraph
 
-from circparam.core.arrays import first_of_each, first_of_groups, mask_of, relabel
-from circparam.core.graph import components
+from circparam.core.arrays import first_of_each, first_of_groups, mask_of, positions_in, relabel
+from circparam.core.graph import breadth_first
 from circparam.core.records import dataclass
 from circparam.core.types import FloatArray, IntArray
 from circparam.mesh.halfedge import shared_edges
@@ -97,16 +95,9 @@ def _tree(index: IntArray, group: IntArray | None) -> _Tree:
     i, j = pairs[:, 0] // 3, pairs[:, 1] // 3
     pairs = pairs[(i != j) & (group[i] == group[j])]
     i, j = pairs[:, 0] // 3, pairs[:, 1] // 3
-    n, part = components(m, i, j)
-    heads = first_of_each(part, n)
-    # one more node reaches all parts, so that one search does
-    i, j = np.r_[i, heads], np.r_[j, np.full(n, m)]
-    graph = sps.coo_matrix((np.ones(len(i), np.int8), (i, j)), shape=(m + 1, m + 1)).tocsr()
-    found, before = csgraph.breadth_first_order(graph, m, directed=False)
-    found = found[1:].astype(np.int64)
-    order = np.asarray(found[np.lexsort((part[found], group[found]))], np.int64)
-    place = np.empty(m, np.int64)
-    place[order] = np.arange(m)
+    part, found, before = breadth_first(m, i, j)
+    order = found[np.lexsort((part[found], group[found]))]
+    place = positions_in(m, order)
     child, above = np.r_[pairs[:, 0], pairs[:, 1]], np.r_[pairs[:, 1], pairs[:, 0]]
     entered = before[child // 3] == above // 3
     child, above = child[entered], above[entered]
@@ -118,8 +109,7 @@ def _tree(index: IntArray, group: IntArray | None) -> _Tree:
     parent[child // 3] = place[above // 3]
     side[child // 3] = (above % 3 - turn[above // 3]) % 3
     corners = 3 * order[:, None] + (np.arange(3) + turn[order][:, None]) % 3
-    above = np.maximum.accumulate(parent[order]).astype(np.int64)
-    return _Tree(order, above, side[order].astype(np.int64), corners)
+    return _Tree(order, np.maximum.accumulate(parent[order]), side[order], corners)
 
 
 def _predictors(tree: _Tree, label: IntArray, first: IntArray) -> IntArray:
@@ -164,9 +154,7 @@ def _normals(scene: Scene, face: IntArray, k: IntArray, near: IntArray) -> Any:
 
 def _seams(scene: Scene, tree: _Tree) -> IntArray:
     """Half-edges at the borders of charts, by the numbers that corners have in the page, ascending."""
-    stored = np.empty(3 * len(tree.order), np.int64)
-    stored[tree.corners.ravel()] = np.arange(len(stored))
-    return np.sort(stored[scene.seams])
+    return np.sort(positions_in(tree.corners.size, tree.corners.ravel())[scene.seams])
 
 
 def _deflated(parts: list[tuple[str, Any, str]]) -> tuple[list[dict[str, Any]], bytes]:

@@ -20,6 +20,7 @@ from circparam.render.scene import Scene, make_scene
 from circparam.render.svg import figure_svg
 from circparam.render.text import fitted, width, write
 from circparam.render.views import (
+    View,
     checker_cells,
     checker_colours,
     distortion_colours,
@@ -37,6 +38,19 @@ def to_image(array: FloatArray) -> Image.Image:
         alpha = array[..., 3:]
         array = array[..., :3] * alpha + col.rgb(col.PAPER) * (1 - alpha)
     return Image.fromarray(np.round(np.clip(array, 0, 1) * 255).astype(np.uint8), "RGB")
+
+
+def surface_images(
+    scene: Scene, view: View, cells: float, top: float
+) -> tuple[Image.Image, Image.Image]:
+    """The surface with a checker, and with its distortion.
+
+    cells: of the checker for one uv unit. top: end of the colour scale.
+    """
+    ink = col.rgb(col.INK)
+    checker = paint(view, checker_colours(scene, view, cells), ink)
+    distortion = paint(view, distortion_colours(scene, view.face, top), ink, 0.5, 0.5)
+    return to_image(checker), to_image(distortion)
 
 
 def draw_figure(
@@ -73,13 +87,11 @@ def draw_figure(
     note = beyond if scene.outside else "the unit square"
     note += "; hatched where it overlaps" if plan.overlap > 1e-4 else ""
     _label(draw, MARGIN_PIXELS, y - 26, "Layout", note)
-    ink = col.rgb(col.INK)
     for k, view in enumerate(views):
         x = MARGIN_PIXELS + 720 + 40 + k * (wide + 20)
-        checker = paint(view, checker_colours(scene, view, cells), ink)
-        distortion = paint(view, distortion_colours(scene, view.face, top), ink, 0.5, 0.5)
-        page.paste(to_image(checker), (x, y))
-        page.paste(to_image(distortion), (x, y + high + 30))
+        checker, distortion = surface_images(scene, view, cells, top)
+        page.paste(checker, (x, y))
+        page.paste(distortion, (x, y + high + 30))
     x = MARGIN_PIXELS + 760
     _label(draw, x, y - 26, "Checker", "in the colours of the charts; seams in black")
     _label(draw, x, y + high + 4, "Distortion", "")

@@ -11,20 +11,12 @@ from circparam.compare.rows import Entry
 from circparam.core.plural import counted
 from circparam.errors import InputError
 from circparam.mesh.mesh import Mesh
-from circparam.render import colours as col
 from circparam.render.camera import best_directions, look_from
+from circparam.render.colours import DISTORTION_END
 from circparam.render.figures import number_text
-from circparam.render.picture import to_image
+from circparam.render.picture import surface_images, to_image
 from circparam.render.scene import Scene, make_scene
-from circparam.render.views import (
-    checker_cells,
-    checker_colours,
-    distortion_colours,
-    draw_plan,
-    paint,
-    see,
-    with_seams,
-)
+from circparam.render.views import checker_cells, draw_plan, see, with_seams
 
 COLUMNS = {
     "seconds": "seconds",
@@ -54,7 +46,7 @@ def draw_layouts(
 
     size: pixels of the square layout; the views are size wide and as high as the surface needs.
     """
-    ink, view = col.rgb(col.INK), None
+    view = None
     out: list[Pictures | None] = []
     for scene in scenes:
         if scene is None:
@@ -71,10 +63,8 @@ def draw_layouts(
             view = with_seams(view, scene, camera)
         cells = checker_cells(scene, 22)
         plan = draw_plan(scene, size, samples, cells=cells)
-        checker = paint(view, checker_colours(scene, view, cells), ink)
-        colours = distortion_colours(scene, view.face, col.DISTORTION_END)
-        distortion = paint(view, colours, ink, 0.5, 0.5)
-        out.append((to_image(plan.image), to_image(checker), to_image(distortion)))
+        pictures = surface_images(scene, view, cells, DISTORTION_END)
+        out.append((to_image(plan.image), *pictures))
     return out
 
 

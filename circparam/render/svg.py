@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from circparam.core.arrays import ends_of
+from circparam.core.arrays import ends_of, scattered
 from circparam.core.graph import cycles
 from circparam.core.types import FloatArray, IntArray
 from circparam.render import colours as col
@@ -38,9 +38,7 @@ def outlines(scene: Scene, label: IntArray | None = None) -> list[tuple[int, Flo
     if not ends_meet or not np.array_equal(piece[leaving], piece[arriving]):
         # inconsistently oriented faces: draw every boundary edge on its own
         return [(int(c), scene.uv[[i, j]]) for c, i, j in zip(piece, a, b, strict=True)]
-    follower = np.empty(len(h), np.int64)
-    follower[arriving] = leaving
-    _, order, size = cycles(follower)
+    _, order, size = cycles(scattered(len(h), arriving, leaving))
     loops = np.split(order, np.cumsum(size)[:-1]) if len(size) else []
     out = [(int(piece[loop[0]]), scene.uv[a[loop]]) for loop in loops]
     return sorted(out, key=lambda item: item[0])

@@ -47,14 +47,12 @@ def fill_in(template: str, /, **fields: object) -> str:
     def value(found: re.Match[str]) -> str:
         field = fields[found[1]]
         text = f"{field:g}" if isinstance(field, float) else str(field)
-        return escaped(text) if found[1].islower() else text
+        if not found[1].islower():
+            return text
+        # names on a disk may hold halves of surrogate pairs
+        return html.escape(text.encode("utf-8", "replace").decode())
 
     return re.sub(f"%({names})%", value, template)
-
-
-def escaped(text: str) -> str:
-    """Text for a page: no markup, and no halves of surrogate pairs, which names on a disk may hold."""
-    return html.escape(text.encode("utf-8", "replace").decode())
 
 
 def data_address(data: bytes, kind: str) -> str:

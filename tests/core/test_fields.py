@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from circparam.core.fields import Range, shown, types_of
+from circparam.core.fields import Range, check, option, shown, types_of
 from circparam.core.limits import check_page
 from circparam.core.plural import counted, percent
+from circparam.core.records import dataclass
 from circparam.errors import OptionError
 from circparam.pipeline.options import Options
 
@@ -50,6 +51,18 @@ def test_a_switch_is_no_word() -> None:
         Options(repair="no")
     switched = Options(overwrite=1, repair=np.False_)
     assert (switched.overwrite, switched.repair) == (True, False)
+
+
+@pytest.mark.parametrize("known", [{"choices": ("oak", "elm")}, {"names": lambda: ["oak", "elm"]}])
+def test_only_the_words_of_an_option_are_taken(known: dict[str, object]) -> None:
+    @dataclass
+    class Tree:
+        kind: str = option("plant", "a tree", default="oak", **known)
+
+    check(Tree("elm"))
+    for value in ("ash", 3):
+        with pytest.raises(OptionError, match=rf"^unknown .*kind '?{value}"):
+            check(Tree(value))
 
 
 def test_values_in_messages_are_short_lines() -> None:

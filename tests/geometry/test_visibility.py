@@ -96,6 +96,16 @@ def test_faces_that_hide_nothing_asked_for_may_be_left_out(refine: int, pixels: 
         np.testing.assert_array_equal(found, whole[few])
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_long_thin_faces_hide_what_lies_under_their_ends(axis: int) -> None:
+    """Faces three pixels long and a fifth wide, along each axis: few edges under them are hidden as all are."""
+    (roof, strips), floor = shapes.grid(13, 201), shapes.grid(21, 21)
+    points, faces = shapes.join((roof + np.array([0, 0, 0.05]), strips), floor)
+    surface, whole = shares((np.roll(points, axis, 1), faces), 64, 64)
+    few = (np.arange(len(whole)) % 2 == 0) & (surface.edges[:, 0] // 3 >= len(strips))
+    np.testing.assert_array_equal(edge_shares(surface, 64, 64, few), whole[few])
+
+
 @given(place=st.tuples(*[st.floats(-1e12, 1e12)] * 3))
 @settings(max_examples=5, deadline=None)
 def test_a_point_far_away_that_no_face_uses_changes_nothing(place) -> None:

@@ -94,3 +94,13 @@ def test_a_surface_by_position_does_not_depend_on_the_order_of_the_file(name, se
         assert np.array_equal(getattr(one, part), getattr(other, part)), part
     assert np.array_equal(other.from_file(g), other.faces)
     assert np.array_equal(other.to_file(other.faces), g[other.source])
+
+
+def test_corners_of_a_part_of_a_surface_are_those_of_the_file():
+    points, faces = shapes.noisy(*shapes.icosphere(2), amount=0.05)
+    faces[::5] = faces[::5, ::-1]
+    part = repair(Mesh(points, faces), RepairOptions(by_position=True))[0].part(
+        np.arange(len(faces)) % 2 == 0
+    )
+    np.testing.assert_array_equal(part.from_file(faces), part.faces)
+    np.testing.assert_array_equal(part.to_file(part.faces), faces[part.source])

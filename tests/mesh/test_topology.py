@@ -101,6 +101,14 @@ def test_non_manifold_edges_and_points():
     assert not report.is_disks
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_non_manifold_edges_count_for_the_component_they_lie_in(first):
+    ball, (points, faces) = shapes.icosphere(1), shapes.fins(3, 5)
+    parts = [(points + 10.0, faces), ball] if first else [ball, (points + 10.0, faces)]
+    found = describe(Mesh(*shapes.join(*parts)))
+    assert [c.nonmanifold_edges for c in found.components] == ([4, 0] if first else [0, 4])
+
+
 def test_the_report_is_plain_data():
     import json
 
