@@ -77,17 +77,13 @@ def machine() -> list[str]:
 
 def commit() -> str:
     """The short name of the commit, with a + where files differ from it."""
+    words = ["git", "describe", "--always", "--dirty=+"]
     try:
-        name = subprocess.run(
-            ["git", "describe", "--always", "--dirty=+"],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        return subprocess.check_output(
+            words, cwd=ROOT, text=True, stderr=subprocess.DEVNULL
+        ).strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return name.stdout.strip()
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
