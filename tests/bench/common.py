@@ -77,17 +77,13 @@ def machine() -> list[str]:
 
 def commit() -> str:
     """The short name of the commit, with a + where files differ from it."""
+    words = ["git", "describe", "--always", "--dirty=+"]
     try:
-        name = subprocess.run(
-            ["git", "describe", "--always", "--dirty=+"],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        return subprocess.check_output(
+            words, cwd=ROOT, text=True, stderr=subprocess.DEVNULL
+        ).strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return name.stdout.strip()
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
@@ -130,11 +126,11 @@ def section(title: str, lines: Iterable[str]) -> list[str]:
     return [f"## {title}", "", *lines]
 
 
-def wanted(lines: list[Line]) -> list[str]:
+def wanted(lines: list[Line], title: str = "Wanted and measured") -> list[str]:
     """The block of the figures that something is asked of; each is printed, too."""
     for line in lines:
         say(line)
-    return section("Wanted and measured", figures(lines))
+    return section(title, figures(lines))
 
 
 def run_cases(
@@ -156,10 +152,7 @@ def run_cases(
     print("\n".join(machine()), flush=True)
     blocks = []
     for name in chosen.cases or cases:
-        lines = cases[name](chosen)
-        for line in lines:
-            say(line)
         title = str(cases[name].__doc__).splitlines()[0].rstrip(".")
-        blocks.append(section(title, figures(lines)))
+        blocks.append(wanted(cases[name](chosen), title))
     if not chosen.no_report and not chosen.cases:
         write(*page(chosen), blocks)

@@ -30,6 +30,7 @@ from tests.bench.common import Line
 from tests.support.corpus import CORPUS
 from tests.support.looks import FINE, Painted, bumps, psnr, texel_levels, waves
 from tests.support.node import modules
+from tests.support.shapes import sheet_faces
 
 MODELS = (
     "CesiumMilkTruck.glb", "CesiumMan.glb", "SheenCloth.glb", "spider.obj", "spot.obj", "fuze.obj",
@@ -176,8 +177,6 @@ def five_maps(side: int = 2048) -> Painted:
     t, p = 2 * np.pi * u, np.pi * v
     r = 1 + 0.08 * np.sin(5 * t) * np.sin(4 * p)
     points = (r * [np.sin(p) * np.cos(t), np.cos(p), -np.sin(p) * np.sin(t)]).reshape(3, -1).T
-    i = np.arange(n * n).reshape(n, n)
-    a, b, c, d = (k.ravel() for k in (i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]))
     g, rng = Painted(), np.random.default_rng(0)
 
     def info(seed: int) -> dict:
@@ -194,7 +193,7 @@ def five_maps(side: int = 2048) -> Painted:
         "TEXCOORD_0": g.accessor(np.stack([u, v], 2).reshape(-1, 2).astype("f4")),
     }
     g.tree["materials"] = [material]
-    faces = np.concatenate([np.c_[a, d, c], np.c_[a, c, b]])
+    faces = sheet_faces(n - 1, n - 1)[:, ::-1]
     g.model(g.primitive(attributes, faces, material=0))
     return g
 

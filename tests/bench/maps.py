@@ -77,8 +77,7 @@ def posed(p: np.ndarray) -> np.ndarray:
 
 def noisy(mesh: Mesh, amount: float = 0.001) -> Mesh:
     """With normal noise, in sizes."""
-    size = np.linalg.norm(np.ptp(mesh.points, axis=0))
-    shake = np.random.default_rng(0).normal(size=mesh.points.shape) * amount * size
+    shake = np.random.default_rng(0).normal(size=mesh.points.shape) * amount * size_of(mesh)
     return Mesh(mesh.points + shake, mesh.faces)
 
 

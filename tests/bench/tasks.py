@@ -94,16 +94,10 @@ def slim_by_igl(arrays: Arrays, settings: dict[str, Any]) -> Answer:
 
 
 def energy(cut_mesh: CutMesh, uv: np.ndarray) -> float:
-    """SD/4 of a layout as it is, without rescaling: area-weighted mean over faces with an area."""
-    from circparam.geometry.intrinsic import jacobians
+    """SD/4 of the layout of one chart as it is, without rescaling."""
+    from circparam.solvers.objective import chart_energies
 
-    live = cut_mesh.areas > 1e-12 * cut_mesh.edge_lengths.max(1) ** 2
-    J = jacobians(cut_mesh, uv)[live]
-    square = (J**2).sum((1, 2))
-    det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
-    with np.errstate(divide="ignore"):
-        each = np.where(det > 0, (square + square / det**2) / 4, np.inf)
-    return float((cut_mesh.areas[live] * each).sum() / cut_mesh.areas[live].sum())
+    return float(chart_energies(cut_mesh, uv)[0])
 
 
 def unwrap(arrays: Arrays, settings: dict[str, Any]) -> Answer:

@@ -1,14 +1,12 @@
 """Where the insides beside boundaries meet or come near, against angles and all pairs."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from circparam.geometry.boundary import BoundarySegments
 from circparam.geometry.intersect import (
     NEIGHBOUR_MARGINS,
-    meeting,
     nearby,
     segment_distance,
     windings,
@@ -73,30 +71,6 @@ def box(x: float, y: float, width: float = 1.0, height: float = 1.0) -> np.ndarr
     return np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
 
 
-def met(boundary: BoundarySegments, between: bool = True) -> list[list[int]]:
-    i, j, crowded = meeting(boundary, between)
-    assert len(crowded) == 0
-    return np.stack([i, j], 1).tolist()
-
-
-@pytest.mark.parametrize(
-    ("second", "pairs"),
-    [
-        (box(3, 0), []),  # apart
-        (box(1, 0), []),  # side by side
-        (box(1, 1), []),  # a corner to a corner
-        (box(1, 0.5), []),  # part of a side
-        (box(1, 0.25, 1, 0.5), []),  # both corners inside one side
-        (np.array([[1, 0.5], [2, 0], [2, 1]]), []),  # a tip that touches a side from outside
-        (box(0.5, 0.5), [[1, 4], [2, 7]]),  # crossing
-        (box(0.5, 0.25, 1, 0.5), [[1, 4], [1, 6]]),  # a bar through a side
-        (box(0.25, 0.25, 0.5, 0.5), []),  # inside, without touching
-    ],
-)
-def test_boundaries_meet_where_they_cross_and_not_where_they_touch(second, pairs):
-    assert met(loops(box(0, 0), second)) == pairs
-
-
 def test_chamfers_part_only_segments_with_more_boundary_between_them():
     """A long bar whose end is cut off by a short segment: its sides are near there by necessity."""
     reach = 0.1
@@ -109,21 +83,6 @@ def test_chamfers_part_only_segments_with_more_boundary_between_them():
         for chamfers, expected in ((False, 1), (True, near)):
             i, j = nearby(bar, np.array([reach]), np.array([True]), chamfers)
             assert ((i == 2) & (j == 4)).sum() == expected
-
-
-def test_winding_numbers_inside_outside_and_in_holes():
-    ring = [box(0, 0, 9, 9), box(3, 3, 3, 3)[::-1]]
-    boundary = loops(ring, box(20, 0, 2, 2))
-    points = np.array([[1.5, 4.1], [4.5, 4.1], [-1.0, 4.1], [30.0, 1.1], [21.0, 1.1], [7.0, 8.9]])
-
-    first = np.zeros(len(points), np.int64)
-    assert windings(boundary, points, first).tolist() == [1, 0, 0, 0, 0, 1]
-    assert windings(boundary, points, first + 1).tolist() == [0, 0, 0, 0, 1, 0]
-    mirrored = loops(box(0, 0, 9, 9)[::-1])
-    assert windings(mirrored, points[:1], first[:1]).tolist() == [-1]
-    twice = loops(np.concatenate([box(0, 0, 9, 9), box(-1, -1, 12, 12)]))
-    assert windings(twice, points[:1], first[:1]).tolist() == [2]
-    assert len(windings(boundary, points[:0], first[:0])) == 0
 
 
 def test_many_points_are_followed_in_blocks():

@@ -8,7 +8,7 @@ from circparam.geometry.straight import axis_parallel
 from circparam.mesh.mesh import Mesh, UVMap
 from circparam.mesh.repair import RepairOptions, repair
 from circparam.pipeline.verify import Verification, verify
-from tests.support import shapes
+from tests.support import scenes, shapes
 from tests.support.atlases import surface_of
 
 SIDE = 256
@@ -36,18 +36,15 @@ def test_a_band_bent_to_a_ring_is_as_wide_as_before() -> None:
 
 
 def test_a_box_cut_along_every_edge() -> None:
-    points = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
-    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    faces = np.array([[q[0], q[k], q[k + 1]] for q in quads for k in (1, 2)])
-    square = np.array([[0, 0], [0.25, 0], [0.25, 0.25], [0, 0.25]])
-    corner = 0.3 * np.array([[k % 3, k // 3] for k in range(6)])
-    uv = (square + corner[:, None]).reshape(-1, 2)
-    uv_faces = np.array([[4 * k, 4 * k + i, 4 * k + i + 1] for k in range(6) for i in (1, 2)])
-    found = verify(surface_of(points, faces), UVMap(uv, uv_faces), resolution=SIDE).numbers()
+    """Each side of 2 by 2 a square of a quarter of the page."""
+    points, faces, uv, uv_faces = scenes.cube()
+    surface, _ = repair(Mesh(points, faces), RepairOptions(by_position=True))
+    square = UVMap(uv * [0.9375, 0.625], uv_faces)
+    found = verify(surface, square, resolution=SIDE).numbers()
     assert found["seam_vertices"] == 6 * 4 - 8
     assert found["seam_texels"] == pytest.approx(12 * SIDE / 4)
     for density in ("density_min", "density_max"):
-        assert found[density] == pytest.approx(SIDE / 4)
+        assert found[density] == pytest.approx(SIDE / 8)
     assert found["thin"] == 0
 
 

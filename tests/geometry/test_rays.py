@@ -5,13 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from circparam.core.arrays import unit
 from circparam.geometry.rays import BoxTree, first_hits
 from circparam.mesh.mesh import Mesh
 from tests.support.bumps import belt, traced
-
-
-def unit(a: np.ndarray) -> np.ndarray:
-    return a / np.linalg.norm(a, axis=1, keepdims=True)
 
 
 @settings(max_examples=30, deadline=None)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from circparam.geometry.predicates import orientation
+from circparam.geometry.intersect import properly_cross
 from circparam.geometry.segment_grid import Candidates
 
 
@@ -64,9 +64,7 @@ def test_pairs_beyond_a_chunk_are_all_handed_out_once():
 def crossing(start, end):
     """(i, j), i < j, of all segments that cross properly, by brute force."""
     i, j = np.triu_indices(len(start), 1)
-    a, b, c, d = start[i], end[i], start[j], end[j]
-    cross = orientation(a, b, c) * orientation(a, b, d) < 0
-    cross &= orientation(c, d, a) * orientation(c, d, b) < 0
+    cross = properly_cross(start[i], end[i], start[j], end[j])
     return set(zip(i[cross].tolist(), j[cross].tolist(), strict=True))
 
 

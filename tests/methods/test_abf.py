@@ -7,14 +7,11 @@ from circparam.core.monitor import Monitor
 from circparam.geometry.intrinsic import corner_angles, vertex_angle_sums
 from circparam.methods.abf import solve_angles
 from tests.support import shapes
-from tests.support.charts import flattened, patches_of, rim
+from tests.support.charts import charts_of, flattened, patches_of, rim
 
 
 def laid_angles(cut_mesh, uv):
-    p = uv[cut_mesh.faces]
-    d, e = np.roll(p, -1, 1) - p, np.roll(p, 1, 1) - p
-    cross = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
-    return np.arctan2(cross, (d * e).sum(2))
+    return corner_angles(charts_of(cut_mesh.faces, uv)[0])
 
 
 def angle_cost(cut_mesh, uv):

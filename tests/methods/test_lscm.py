@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from circparam.errors import OptionError
-from circparam.geometry.intrinsic import cotangent_laplacian, signed_areas
+from circparam.geometry.intrinsic import signed_areas
 from circparam.methods.conformal import conformal_matrix
 from circparam.methods.pins import Pins
 from tests.support import shapes
@@ -14,18 +14,6 @@ from tests.support.charts import complex_of, flattened, patches_of
 def run(shape, **options):
     cut_mesh, points = patches_of(shape)
     return cut_mesh, points, flattened("lscm", cut_mesh, **options)
-
-
-def test_the_matrix_is_dirichlet_energy_minus_area():
-    cut_mesh, _ = patches_of(shapes.holed_sheet(4))
-    z = np.random.default_rng(0).normal(size=(cut_mesh.n_vertices, 2))
-    w = complex_of(z)
-    conformal = np.vdot(w, conformal_matrix(cut_mesh) @ w)
-    laplacian = cotangent_laplacian(cut_mesh)
-    dirichlet = sum(c @ (laplacian @ c) for c in z.T)
-    area = signed_areas(cut_mesh.faces, z).sum()
-    assert conformal.imag == pytest.approx(0, abs=1e-9)
-    assert conformal.real / 2 == pytest.approx(dirichlet / 2 - area)
 
 
 def test_the_spectral_map_has_less_energy_at_its_boundary_norm_than_any_pinned_map():

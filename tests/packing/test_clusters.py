@@ -7,7 +7,7 @@ from circparam.core.monitor import Monitor
 from circparam.errors import OptionError
 from circparam.packing.clusters import pack_clusters
 from circparam.packing.options import PackOptions
-from tests.support.packing import QUICK, blobs, promise
+from tests.support.packing import QUICK, blobs, boxes, promise
 
 
 @pytest.mark.parametrize(
@@ -43,3 +43,10 @@ def test_a_density_is_kept_or_refused() -> None:
         else:
             with pytest.raises(OptionError, match="groups that lie together do not fit"):
                 pack_clusters(faces, uv, chart, group, asked, Monitor())
+
+
+def test_two_groups_lie_in_strips_where_square_boxes_waste_half_of_the_page() -> None:
+    """Two equal squares cover half of a page at most, two strips as wide as the page nearly all of it."""
+    charts, group = boxes(np.ones((16, 2))), np.repeat([0, 1], 8)
+    asked = PackOptions(256, 2, effort=QUICK)
+    assert pack_clusters(*charts, group, asked, Monitor()).share[0] > 0.6

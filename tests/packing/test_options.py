@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
@@ -71,15 +73,12 @@ def _bleeds(owner: np.ndarray, filled: np.ndarray, level: int) -> bool:
     n = -(-len(owner) // size)
     wide = np.pad(filled, (0, n * size - len(filled)), mode="edge").reshape(n, size, n, size)
     low, high = wide.min((1, 3)), wide.max((1, 3))
-    y, x = np.nonzero(owner >= 0)
-    for dy in (0.0, 0.999):
-        for dx in (0.0, 0.999):
-            # the four texels of that level round a sample
-            row = np.floor((y + dy) / size - 0.5).astype(int)
-            column = np.floor((x + dx) / size - 0.5).astype(int)
-            for i in (0, 1):
-                for j in (0, 1):
-                    at = np.clip(row + i, 0, n - 1), np.clip(column + j, 0, n - 1)
-                    if ((low[at] != owner[y, x]) | (high[at] != owner[y, x])).any():
-                        return True
+    texel = np.argwhere(owner >= 0)
+    own = owner[tuple(texel.T)]
+    for sample, step in product(product((0.0, 0.999), repeat=2), product((0, 1), repeat=2)):
+        # one of the four texels of that level round the sample
+        at = np.floor((texel + sample) / size - 0.5).astype(int) + step
+        row, column = np.clip(at, 0, n - 1).T
+        if ((low[row, column] != own) | (high[row, column] != own)).any():
+            return True
     return False

@@ -12,12 +12,6 @@ from circparam.packing.outlines import least_box_angles, shapes_of
 from tests.support.packing import blobs, boxes, vertices_of
 
 
-def test_charts_that_share_a_vertex_are_refused():
-    uv = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
-    with pytest.raises(OptionError, match="shares a uv vertex"):
-        shapes_of(np.array([[0, 1, 2], [1, 3, 2]]), uv, np.array([0, 1]))
-
-
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6))
 def test_faces_wound_otherwise_or_without_area_change_no_outline(seed):
@@ -79,6 +73,7 @@ def test_the_least_box_of_a_rectangle_is_the_rectangle(angle, width):
         ([[0, 1, 2]], np.full((3, 2), np.nan), [0], "NaN"),
         ([[0, 1, 2]], np.eye(3)[:, :2], [1], "leave gaps"),
         ([[0, 1, 2]], np.eye(3)[:, :2], [-1], "leave gaps"),
+        ([[0, 1, 2], [1, 3, 2]], np.eye(4)[:, :2], [0, 1], "shares a uv vertex"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(faces, uv, chart, message):

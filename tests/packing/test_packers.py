@@ -34,7 +34,7 @@ PACKERS: dict[str, Callable[[Shapes, PackOptions], Placement | None]] = {
     "nest": nest,
 }
 # of the largest scale at which equal squares fit side by side with the gap of the packer
-FILLED = {"shelf": 0.9999, "rows": 0.98, "skyline": 0.65, "nest": 0.9}
+FILLED = {"shelf": 0.9999, "rows": 0.998, "skyline": 0.69, "nest": 0.998}
 
 
 def placed(packer: str, shapes: Shapes, options: PackOptions) -> Placement:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from circparam.packing.options import PackOptions
-from circparam.packing.room import find_room, free_share
+from circparam.packing.room import by_page, find_room, free_share
 from tests.support.packing import rectangles
 
 ASKED = PackOptions(resolution=256, padding=4)
@@ -72,5 +72,7 @@ def test_many_small_charts_find_room() -> None:
 
 
 def test_what_is_free_is_told_in_pages() -> None:
-    used = [page((0, 0, 1, 0.5)), page((0, 0, 0.25, 1))]
-    assert free_share(used, ASKED) == pytest.approx(1.25, abs=0.02)
+    """Triangles count on the page on which they lie; a page between them may be empty."""
+    used = by_page(page((2, 0, 0.25, 1), (0, 0, 1, 0.5)))
+    assert [len(triangles) for triangles in used] == [2, 0, 2]
+    assert free_share(used, ASKED) == pytest.approx(2.25, abs=0.02)

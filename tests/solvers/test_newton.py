@@ -9,14 +9,14 @@ from circparam.solvers.newton import RelaxOptions, relax
 from circparam.solvers.objective import chart_energies
 from circparam.solvers.tutte.embed import tutte_embedding
 from tests.support import shapes
-from tests.support.charts import developable, patches_of
+from tests.support.charts import patches_of
 from tests.support.processes import printed
 
 
 @pytest.mark.parametrize("refine", [1, 5])
 def test_fixed_vertices_stay_and_the_energy_falls(refine: int) -> None:
     """To the last bit, also where so many are solved for by iteration; no face is turned over beside them."""
-    cut_mesh = developable("cone", refine)
+    cut_mesh, _ = patches_of(shapes.half_cylinder(24 * refine, 12 * refine))
     uv, _ = tutte_embedding(cut_mesh, "circle")
     fixed = np.zeros(cut_mesh.n_vertices, bool)
     fixed[[5, 40]] = True
@@ -30,7 +30,7 @@ def test_fixed_vertices_stay_and_the_energy_falls(refine: int) -> None:
 @pytest.mark.parametrize("refine", [1, 5])
 def test_the_direct_and_the_iterative_solver_reach_the_minimum(refine: int) -> None:
     """Up to 3000 vertices the system is factored, beyond it is solved by iteration."""
-    cut_mesh = developable("cylinder", refine)
+    cut_mesh, _ = patches_of(shapes.half_cylinder(24 * refine, 12 * refine))
     start, _ = tutte_embedding(cut_mesh, "circle")
     options = RelaxOptions(tolerance=1e-10, max_iterations=200, blend=0.2)
     assert relax(cut_mesh, start, options).energy[0] == pytest.approx(1.0, rel=1e-7)

@@ -11,7 +11,7 @@ from circparam.mesh.halfedge import shared_edges
 from circparam.methods import METHODS
 from circparam.methods.base import Layout, MethodOptions
 from tests.support.atlases import uncut
-from tests.support.shapes import delaunay_disk, sheet_faces
+from tests.support.shapes import delaunay_disk
 
 
 def patches_of(shape) -> tuple[CutMesh, np.ndarray]:
@@ -75,17 +75,3 @@ def tangled(n: int = 400, seed: int = 0) -> tuple[CutMesh, np.ndarray]:
     chosen = generator.choice(inner, max(1, len(inner) // 20), replace=False)
     uv[chosen] += generator.normal(0, 0.15, (len(chosen), 2))
     return cut_mesh, uv
-
-
-def developable(kind: str, refine: int = 1) -> CutMesh:
-    """A strip of 24 by 12 refined squares that can be unrolled: of a cylinder, a cone or a bent sheet."""
-    u, v = np.meshgrid(np.linspace(0, 1.2, 24 * refine + 1), np.linspace(0, 1, 12 * refine + 1))
-    if kind == "cylinder":
-        p = np.stack([np.cos(2 * u), np.sin(2 * u), v], -1)
-    elif kind == "cone":
-        r = 0.3 + v
-        p = np.stack([r * np.cos(2 * u), r * np.sin(2 * u), 1.5 * r], -1)
-    else:
-        p = np.stack([u, v, 0 * u], -1)
-        p[..., 2] = np.where(u > 0.6, 1.7 * (u - 0.6), 0.0)
-    return patches_of((p.reshape(-1, 3), sheet_faces(12 * refine, 24 * refine)))[0]

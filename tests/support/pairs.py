@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from circparam.geometry.closest import closest_on_triangles
 from circparam.mesh.mesh import Mesh
 from tests.support import shapes
 
@@ -66,18 +67,10 @@ def back_through_overlay(a: Mesh, b: Mesh, mapped) -> float:
     who = np.repeat(np.arange(len(there)), count)
     part = order[np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())]
     on_a, on_b = (p.of(m.points, m.faces) for p, m in ((made.on_a, a), (made.on_b, b)))
-    c, x = on_b[made.faces[part]], there[who]
-    d, e = c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]
-    n = np.cross(d, e)
-    size = np.maximum((n * n).sum(1), 1e-300)
-    v = (np.cross(x - c[:, 0], e) * n).sum(1) / size
-    w = (np.cross(d, x - c[:, 0]) * n).sum(1) / size
-    weights = np.clip(np.column_stack([1 - v - w, v, w]), 0, 1)
-    weights /= weights.sum(1, keepdims=True)
-    miss = np.linalg.norm(np.einsum("kc,kcd->kd", weights, c) - x, axis=1)
+    weights, square = closest_on_triangles(there[who], on_b[made.faces[part]])
     home = np.einsum("kc,kcd->kd", weights, on_a[made.faces[part]])
     off = np.linalg.norm(home - a.points[who], axis=1)
-    best = np.lexsort((off, np.round(miss, 9), who))
+    best = np.lexsort((off, np.round(np.sqrt(square), 9), who))
     best = best[np.unique(who[best], return_index=True)[1]]
     assert len(best) == len(there)
     return float(off[best].max())

@@ -182,11 +182,8 @@ def wound(turn: float, around: int = 60, along: int = 4, inner: float = 0.7) -> 
 
 def flat_ring(inner: float, outer: float, n: int = 12) -> tuple[np.ndarray, np.ndarray]:
     """(uv (2n, 2), faces) of a ring of n quads between two circles, the inner one first."""
-    t = 2 * np.pi * np.arange(n) / n
-    circle = np.stack([np.cos(t), np.sin(t)], 1)
-    a, b = np.arange(n), (np.arange(n) + 1) % n
-    faces = np.concatenate([np.stack([a, a + n, b + n], 1), np.stack([a, b + n, b], 1)])
-    return np.concatenate([inner * circle, outer * circle]), faces
+    points, faces = annulus(n, 1, inner / outer)
+    return outer * points[:, :2], faces
 
 
 def annulus(around: int = 32, along: int = 6, inner: float = 0.4) -> Shape:

@@ -38,6 +38,12 @@ def disks(draw: st.DrawFn, largest: int = 120) -> Shape:
 
 
 @st.composite
+def holed_disks(draw: st.DrawFn) -> Shape:
+    """Random hills over a figure with one to four holes."""
+    return shapes.waved(shapes.planar_holes(draw(st.integers(1, 4)), draw(seeds), n=200))
+
+
+@st.composite
 def folding_disks(draw: st.DrawFn) -> Shape:
     """Disks so rough and so stretched that methods without a guarantee flip faces of nearly all of them."""
     p, f = shapes.delaunay_disk(draw(st.integers(40, 120)), draw(seeds))

@@ -12,7 +12,6 @@ from circparam.packing.outlines import shapes_of
 from circparam.packing.pack import finish
 from circparam.packing.placement import PackTask, Placement
 from circparam.packing.skyline import skyline_placement
-from tests.support.packing import rectangles
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -35,37 +34,6 @@ def test_compaction_takes_back_steps_that_are_too_long(seed: int) -> None:
 
 def growth_of(shapes, options):
     return Growth(shapes, options, Budget(1e9, lambda: False))
-
-
-@pytest.mark.parametrize("corner", [[0, 0], [0, 1], [1, 0], [1, 1]])
-def test_a_chart_grows_until_it_fills_the_page(corner):
-    """From a corner of the page it has to move as it grows: all four sides of the page hold it."""
-    options = PackOptions(resolution=256, padding=5, rotate="none")
-    shapes = rectangles([[1.0, 1.0]])
-    offset = np.where(np.array([corner]) == 1, 256 - 27.0, 27.0)
-    start = Placement(40.0, np.zeros(1), offset, np.zeros(1, int))
-    after = Ascent(start, 256.0).climb(growth_of(shapes, options))
-    room = options.resolution - 2 * options.border
-    assert after.scale == pytest.approx(room, abs=0.1)
-    assert after.scale <= room
-    assert finish(shapes, after, options)[1] is None
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_two_squares_end_a_strip_apart(axis):
-    """The strip between upright sides may be as narrow as padding."""
-    options = PackOptions(resolution=512, padding=4, rotate="none")
-    shapes = rectangles([[1.0, 0.3], [1.0, 0.3]] if axis == 0 else [[0.3, 1.0], [0.3, 1.0]])
-    offset = np.full((2, 2), 256.0)
-    offset[:, axis] = [130.0, 380.0]
-    start = Placement(200.0, np.zeros(2), offset, np.zeros(2, int))
-    after = Ascent(start).climb(growth_of(shapes, options))
-    gap = options.box_gap
-    room = (options.resolution - 2 * options.border - gap) / 2
-    assert after.scale == pytest.approx(room, abs=0.1)
-    assert after.scale <= room
-    assert np.diff(after.offset[:, axis])[0] - after.scale == pytest.approx(gap, abs=0.15)
-    assert finish(shapes, after, options)[1] is None
 
 
 def test_three_faces_at_an_edge_are_no_overlap() -> None:

@@ -9,27 +9,22 @@ from circparam.packing.budget import Budget
 from circparam.packing.nest.masks import chart_masks
 from circparam.packing.nest.places import spectra_of
 from circparam.packing.nest.search import Board, GridLayout, search
-from tests.support.packing import blobs, edges_of
+from tests.support.packing import blobs, boxes, edges_of
 
 
-def rectangles(*sizes: tuple[float, float]) -> Board:
-    """Rectangles of widths and heights in cells, upright or not, on a grid of 64 cells."""
-    masks = []
-    for width, height in sizes:
-        corner = np.array([[0, 0], [width, 0], [width, height], [0, height]], float) + 2.5
-        angles = np.arange(8) * np.pi / 4
-        masks.append(chart_masks(corner, np.roll(corner, -1, axis=0), angles, 0.0))
+def board_of(charts: tuple[np.ndarray, ...], reach: float = 0.0) -> Board:
+    """Charts in units of cells, at eight angles, on a grid of 64 cells."""
+    faces, uv, chart = charts
+    angles = np.arange(8) * np.pi / 4
+    own = [edges_of(faces[chart == c], uv) for c in range(chart.max() + 1)]
+    masks = [chart_masks(*edges, angles, reach) for edges in own]
     return Board(masks, [spectra_of(m, 64) for m in masks], 64)
 
 
-def stars(n: int, seed: int, side: int = 64) -> Board:
-    faces, uv, chart = blobs(n, seed, 0.4)
-    angles = np.arange(8) * np.pi / 4
-    masks = [
-        chart_masks(*(4 * e for e in edges_of(faces[chart == c], uv)), angles, 0.5)
-        for c in range(n)
-    ]
-    return Board(masks, [spectra_of(m, side) for m in masks], side)
+def rectangles(*sizes: tuple[float, float]) -> Board:
+    """Rectangles of widths and heights in cells, their corners in the middle of cells."""
+    faces, uv, chart = boxes(sizes)
+    return board_of((faces, uv + 0.5, chart))
 
 
 def sound(board: Board, found: GridLayout, pages: int = 1) -> None:
@@ -46,7 +41,8 @@ def sound(board: Board, found: GridLayout, pages: int = 1) -> None:
 
 @pytest.mark.parametrize("pages", [1, 2])
 def test_layouts_do_not_overlap_and_pages_get_smaller(pages: int) -> None:
-    board = stars(8, 4)
+    faces, uv, chart = blobs(8, 4, 0.4)
+    board = board_of((faces, 4 * uv, chart), 0.5)
     budgets = [Budget(3e6, lambda: False) for _ in range(2)]
     found, again = (search(board, board.side, pages, budget) for budget in budgets)
     assert len(found) >= 2

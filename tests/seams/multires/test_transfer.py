@@ -153,6 +153,16 @@ def test_locked_edges_are_gone_round() -> None:
     assert 1.0 < fine.edge_lengths[atlas.cut].sum() < 1.6
 
 
+def test_seams_reach_a_boundary_that_lies_outside_that_of_the_proxy() -> None:
+    """Inner vertices are nearest to its boundary points; a seam that ended in one would part nothing."""
+    fine, proxy = sheets()
+    points, faces = proxy.surface.points, proxy.surface.faces
+    proxy = proxy_over(fine, surface_of(0.8 * points + [0.1, 0.1, 0.0], faces))
+    atlas = Atlas(fine, np.zeros(len(fine.edges), bool))
+    assert transfer_seams(in_two(proxy.surface), proxy, atlas) == 0
+    assert atlas.charts()[0] == 2
+
+
 def test_components_that_a_level_leaves_as_they_are_keep_what_they_have() -> None:
     """A closed ball in two halves, its uv wherever they are, beside a torus that gets smaller."""
     ball = shapes.icosphere(1)

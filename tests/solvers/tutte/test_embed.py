@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from circparam.core.monitor import Monitor
 from circparam.errors import OptionError, TopologyError
 from circparam.geometry.intrinsic import signed_areas
 from circparam.solvers.tutte.embed import require_boundary, tutte_embedding
+from circparam.solvers.tutte.graded import embed
 from circparam.solvers.tutte.outer import TutteOptions
 from circparam.solvers.tutte.weights import WEIGHTS, half_edge_weights
 from tests.support import shapes
@@ -26,7 +28,7 @@ def test_inner_vertices_are_the_weighted_means_of_their_neighbours(scheme):
     assert len(negative) == cut_mesh.n_charts
 
 
-def test_negative_weights_are_counted_in_their_chart_and_clamped_where_asked():
+def test_negative_weights_are_counted_in_their_chart_told_and_clamped_where_asked():
     sound, rough = shapes.delaunay_disk(50), shapes.noisy(*shapes.bumped_disk(600), amount=0.5)
     cut_mesh, _ = patches_of(shapes.join(sound, (rough[0] + [9, 0, 0], rough[1])))
     _, negative = tutte_embedding(cut_mesh, "harmonic")
@@ -35,6 +37,9 @@ def test_negative_weights_are_counted_in_their_chart_and_clamped_where_asked():
     uv, again = tutte_embedding(cut_mesh, "harmonic", TutteOptions(clamp=True))
     assert again.tolist() == negative.tolist()
     assert (signed_areas(cut_mesh.faces, uv) > 0).all()
+    for clamp, says in ((False, "--clamp makes it safe"), (True, "lifted by --clamp")):
+        _, notes = embed(cut_mesh, "harmonic", TutteOptions(clamp=clamp), Monitor())
+        assert any("negative weights" in note and says in note for note in notes)
 
 
 def test_what_is_no_disk_is_refused_with_its_genus():

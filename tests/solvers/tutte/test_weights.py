@@ -35,23 +35,20 @@ def test_a_plane_comes_back(scheme, seed):
     assert plane_error(shapes.delaunay_square(400, seed), scheme) < 1e-9
 
 
-@pytest.mark.parametrize("scheme", ["circle", "uniform"])
-def test_a_generic_plane_does_not_come_back(scheme):
-    assert plane_error(shapes.delaunay_square(400), scheme) > 1e-3
-
-
 def test_circle_reproduces_the_plane_on_equidistant_rings():
     assert plane_error(shapes.rings(5), "circle") < 1e-12
 
 
 @pytest.mark.parametrize("scheme", POSITIVE)
-@given(shape=strategies.disks())
+@given(shape=strategies.disks() | strategies.holed_disks())
 @settings(max_examples=25)
 def test_positive_weights_are_positive_and_flip_nothing(scheme, shape):
+    """Holes are closed for the solve only: their boundaries move freely."""
     cut_mesh, _ = patches_of(shape)
     inner = ~rim(cut_mesh)[cut_mesh.faces.ravel()]
     assert (weights_of(cut_mesh, scheme)[inner] > -1e-12).all()
     uv, negative = tutte_embedding(cut_mesh, scheme)
+    assert len(uv) == cut_mesh.n_vertices
     assert negative.sum() == 0
     assert (signed_areas(cut_mesh.faces, uv) > 0).all()
 
