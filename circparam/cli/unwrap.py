@@ -194,15 +194,21 @@ class _Run:
         label, searches = os.path.basename(mesh), self.options.searches
         with progress.listener(label, self.quiet, self.place, searches) as listener:
             monitor = monitor_of(self.options, listener, started)
-            from circparam.batch.mesh import write_mesh
             from circparam.formats.io import read
+            from circparam.pipeline.summary import summarise
+            from circparam.pipeline.unwrap import unwrap_document
 
             with monitor.stage("read"):
                 document = read(mesh, format=self.format if mesh == "-" else None, **self.reading)
             options = replace(self.options, format=self.format if out == "-" else None)
             named = {kind: self.given[name] for name, kind in common.FURTHER.items()}
             further = {kind: path for kind, path in named.items() if path}
-            _, report = write_mesh(document, out, options, self.look, further, monitor)
+            if self.look is None and not further:  # loads nothing of other rooms
+                report = summarise(unwrap_document(document, out, options, monitor))
+            else:
+                from circparam.batch.mesh import write_mesh
+
+                _, report = write_mesh(document, out, options, self.look, further, monitor)
         self.reports.append(report)
         common.finish_unwrap(self.given, self.gates, report, mesh, out)
 

@@ -11,8 +11,7 @@ import scipy.sparse as sps
 from circparam.core.imports import private
 from circparam.core.types import FloatArray
 
-SIMPLEX, CHOOSE = "simplex", "choose"
-NO_LIMIT = 2**31 - 1  # iterations: the default of HiGHS
+INTERIOR, CHOOSE = "ipm", "choose"
 
 
 def least(
@@ -21,20 +20,20 @@ def least(
     most: FloatArray,
     reach: float | tuple[FloatArray, FloatArray],
     solver: str,
-    iterations: int = NO_LIMIT,
 ) -> FloatArray | None:
     """The x (n,) of least cost · x where matrix (m, n) @ x ≤ most (m,) and x lies within its bounds.
 
-    reach: |x| ≤ reach, or the lower and the upper bounds (n,) of x. solver: SIMPLEX, without presolving; what
-    HiGHS chooses (CHOOSE), with it. iterations: of the solver at most. None if nothing optimal was found.
+    reach: |x| ≤ reach, or the lower and the upper bounds (n,) of x. solver: INTERIOR, a point inside the set of
+    all optimal ones, without presolving; what HiGHS chooses (CHOOSE), with it. None if nothing optimal was
+    found.
     """
     (m, n), highs = matrix.shape, private("scipy.optimize._highspy._core")
     lower, upper = reach if isinstance(reach, tuple) else (np.full(n, -reach), np.full(n, reach))
     if highs is None:
         from scipy.optimize import linprog
 
-        method: Any = {SIMPLEX: "highs-ds", CHOOSE: "highs"}[solver]
-        limits: Any = {"presolve": solver != SIMPLEX, "maxiter": iterations}
+        method: Any = {INTERIOR: "highs-ipm", CHOOSE: "highs"}[solver]
+        limits: Any = {"presolve": solver != INTERIOR}
         bounds = np.stack([lower, upper], 1)
         answer: Any = linprog(  # type: ignore[call-overload]
             cost, A_ub=matrix, b_ub=most, bounds=bounds, method=method, options=limits
@@ -53,8 +52,9 @@ def least(
     program.a_matrix_.value_ = matrix.data
     options: Any = highs.HighsOptions()
     options.output_flag = options.log_to_console = False
-    options.solver, options.presolve = solver, "off" if solver == SIMPLEX else "on"
-    options.simplex_iteration_limit = options.ipm_iteration_limit = iterations
+    options.solver = solver
+    if solver == INTERIOR:
+        options.presolve = options.run_crossover = "off"
     run: Any = highs._Highs()
     run.passOptions(options)
     run.passModel(program)

@@ -12,9 +12,9 @@ from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
 # Charts up to which the nest packer runs at effort 1. Its work grows with the square of their number, so
-# NEST_CHARTS grows with the root of the effort. Nested, 201 to 393 charts cover 1.07 times as much as on the
-# skyline, in 3 to 7 s more (docs/experiments/packing.md).
-NEST_CHARTS = 400
+# NEST_CHARTS grows with the root of the effort. Nested, 371 to 600 charts cover 1.08 to 1.27 times as much as
+# on the skyline, in 4 to 6 s more; 899 charts cover as much, in 14 s more (docs/experiments/packing.md).
+NEST_CHARTS = 600
 
 # Charts from which and up to which the skyline runs. Fewer charts are as full without its layout as a start, in
 # 0.87 of the time. Of 10,000 triangles the skyline holds 24 % more than rows, in 17 s for 0.5 s.

@@ -17,13 +17,13 @@ from circparam.core.imports import UNUSED, OnDemand, put_off
 put_off()
 import numpy as np
 from circparam.core import compiled, fourier, linalg
-from circparam.core.linear_program import SIMPLEX, least
+from circparam.core.linear_program import INTERIOR, least
 from circparam.core.graph import components
 import scipy.sparse as sps
 matrix = sps.csc_matrix(np.diag([2.0, 4.0]))
 print(linalg.Factor(matrix).solve(np.array([2.0, 4.0])), compiled.kd_tree(np.eye(2)).query([[1, 0.1]])[1])
 print(components(3, np.array([0]), np.array([2])), fourier.rfft2(np.ones((2, 2)))[0, 0])
-print(least(-np.ones(2), matrix, np.ones(2), 1.0, SIMPLEX, 100))
+print(least(-np.ones(2), matrix, np.ones(2), 1.0, INTERIOR))
 late = ("scipy.linalg", "scipy.special", "scipy.sparse.linalg._isolve", "scipy.spatial._kdtree")
 late += ("scipy.fft._basic", "scipy.sparse.csgraph._laplacian", "numpy.ma.core")
 inner = [name for name in sys.modules if name.startswith(tuple(u + "." for u in UNUSED))]
