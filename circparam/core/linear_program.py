@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
+from circparam.core import clock
 from circparam.core.imports import private
 from circparam.core.types import FloatArray
 
@@ -25,7 +26,7 @@ def least(
 
     reach: |x| ≤ reach, or the lower and the upper bounds (n,) of x. solver: INTERIOR, a point inside the set of
     all optimal ones, without presolving; what HiGHS chooses (CHOOSE), with it. None if nothing optimal was
-    found.
+    found, or not in the time that is left (``clock.bounded``).
     """
     (m, n), highs = matrix.shape, private("scipy.optimize._highspy._core")
     lower, upper = reach if isinstance(reach, tuple) else (np.full(n, -reach), np.full(n, reach))
@@ -53,6 +54,8 @@ def least(
     options: Any = highs.HighsOptions()
     options.output_flag = options.log_to_console = False
     options.solver = solver
+    if (seconds := clock.left()) is not None:
+        options.time_limit = max(seconds, 0.0)
     if solver == INTERIOR:
         options.presolve = options.run_crossover = "off"
     run: Any = highs._Highs()

@@ -1,5 +1,6 @@
 """Linear systems against dense solves, and where they stop; linear programs against those of SciPy."""
 
+import time
 from itertools import islice
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
+from circparam.core import clock
 from circparam.core.arrays import FloatArray
 from circparam.core.linalg import Factor, conjugate_gradients, gradient_iterates
 from circparam.core.linear_program import CHOOSE, INTERIOR, least
@@ -89,6 +91,16 @@ def test_the_least_cost_is_that_of_scipy(solver, seed, n, m, reach):
         assert cost @ found == pytest.approx(expected.fun, abs=1e-6)
         assert (matrix @ found <= most + 1e-6).all()
         assert np.abs(found).max() <= reach + 1e-6
+
+
+@pytest.mark.parametrize("solver", [INTERIOR, CHOOSE])
+def test_a_program_ends_with_the_time(solver) -> None:
+    random = np.random.default_rng(1)
+    matrix = sps.csc_matrix(random.normal(size=(60, 30)))
+    program = random.normal(size=30), matrix, np.ones(60), 1.0, solver
+    with clock.bounded(time.monotonic()):
+        assert least(*program) is None
+    assert least(*program) is not None
 
 
 def test_an_interior_point_lies_inside_the_set_of_all_that_are_optimal() -> None:
