@@ -28,6 +28,9 @@ def least(
     all optimal ones, without presolving; what HiGHS chooses (CHOOSE), with it. None if nothing optimal was
     found, or not in the time that is left (``clock.bounded``).
     """
+    seconds = clock.left()
+    if seconds is not None and seconds <= 0:  # HiGHS takes 0 for no limit
+        return None
     (m, n), highs = matrix.shape, private("scipy.optimize._highspy._core")
     lower, upper = reach if isinstance(reach, tuple) else (np.full(n, -reach), np.full(n, reach))
     if highs is None:
@@ -54,8 +57,8 @@ def least(
     options: Any = highs.HighsOptions()
     options.output_flag = options.log_to_console = False
     options.solver = solver
-    if (seconds := clock.left()) is not None:
-        options.time_limit = max(seconds, 0.0)
+    if seconds is not None:
+        options.time_limit = seconds
     if solver == INTERIOR:
         options.presolve = options.run_crossover = "off"
     run: Any = highs._Highs()
