@@ -12,7 +12,7 @@ from circparam.packing.shelf import shelf_placement
 from circparam.packing.skyline import skyline_placement
 
 # Charts up to which the nest packer runs at effort 1. Its work grows with the square of their number, so
-# NEST_CHARTS grows with the root of the effort. Nested, 371 to 600 charts cover 1.08 to 1.27 times as much as
+# NEST_CHARTS grows with the root of the effort. Nested, 371 to 600 charts cover 1.08 to 1.25 times as much as
 # on the skyline, in 4 to 6 s more; 899 charts cover as much, in 14 s more (docs/experiments/packing.md).
 NEST_CHARTS = 600
 

@@ -29,7 +29,7 @@ from circparam.packing.placement import Placement
 from circparam.packing.straight import Straight
 
 # Trust regions in texels of a page of 2048: the first, since after longer steps outlines cross (32 covers 0.4 %
-# less, 4 covers 0.3 % less); and the last, since steps of 2 leave gaps short by up to a texel.
+# less, 4 too); and the last, since steps of 2 leave gaps short by up to a texel.
 TRUST_FIRST = 16.0
 TRUST_LEAST = 1.0
 
