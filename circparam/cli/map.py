@@ -34,9 +34,8 @@ weights: Any = OnDemand("circparam.solvers.tutte.weights")
     common.value(
         "--method",
         "Weights of the convex maps: circle, mean-value, floater or uniform.",
-        type=common.Name(
-            "method", lambda: weights.WEIGHTS.tagged("positive")
-        ),  # the others may fold
+        # the others may fold
+        type=common.Name("method", lambda: weights.WEIGHTS.tagged("positive")),
         default="mean-value",
     ),
     common.switch("--charts", "Map chart to chart; the charts of both files correspond."),

@@ -203,7 +203,7 @@ class _Run:
             options = replace(self.options, format=self.format if out == "-" else None)
             named = {kind: self.given[name] for name, kind in common.FURTHER.items()}
             further = {kind: path for kind, path in named.items() if path}
-            if self.look is None and not further:  # loads nothing of other rooms
+            if self.look is None and not further:  # a plain unwrap starts without the other rooms
                 report = summarise(unwrap_document(document, out, options, monitor))
             else:
                 from circparam.batch.mesh import write_mesh

@@ -31,8 +31,8 @@ class Limits:
     the surface may exceed. near: share of the root of a chart's area that moves round such faces at first.
     local: iterations of a step, where what moves is only a few rings wide, and charts too large for a round too
     many (None: charts move as a whole as long as they do not lie on themselves then). cuts_off: parts that
-    weights do not mend are cut off. asked: whether a user asked for this stretch; then parts are
-    cut off too where splits do not help.
+    weights do not mend are cut off, and charts are split only if a user asked. asked: whether a user asked for
+    this stretch; then seams are added whatever they cost.
     """
 
     bound: float
